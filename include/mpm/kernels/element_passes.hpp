@@ -31,6 +31,18 @@ struct PushElements {
             X::keep_smallest(mesh.inverted, std::uint64_t(e));
     }
 };
+/// What pushes each vertex in the coming step, before they are spread: reads that follow from one
+/// another, of two dozen elements a vertex, for which many threads have to be under way.
+template <class X, class T, int D>
+struct PushVertices {
+    Pass<X, T, D> pass;
+    ElementsView<T, D> mesh;
+    MPM_INLINE void operator()(std::int64_t q) const {
+        if (pass.clock->halt != Halt::none) return;
+        const Vec<T, D> push = push_of_step(pass, mesh, std::uint32_t(q));
+        MPM_UNROLL for (int a = 0; a < D; ++a) mesh.push[a * mesh.vertices + q] = push[a];
+    }
+};
 template <class Material, class T, int D>
 struct FindEnergies {
     ElementsView<T, D> mesh;

@@ -4,8 +4,9 @@
 //
 //   locate    by vertex in storage order: how far it stands from its place at rest, by number
 //   volumes   (with volumes of vertices) by element V (J - 1)/(D + 1), then by vertex its pressure
-//   forces    by element, D forces of D numbers; that on vertex 0 is minus their sum
-//   spread    by vertex: its elements' forces in the order of elements, mass and momentum
+//   forces    by element, D + 1 forces of D numbers; that on vertex 0 is minus the others' sum
+//   spread    by vertex: its elements' forces in the order of elements, mass and momentum; on
+//             devices the forces in a pass of their own
 //
 // Nobody adds to what another writes: each vertex has the list of its elements, ascending, so that
 // no schedule changes a bit.
@@ -61,6 +62,12 @@ struct Chosen {
     MPM_INLINE std::int64_t operator[](std::int64_t k) const { return number ? number[k] : k; }
 };
 
+/// What an element pushes its vertices by, times a cell; in pieces that a device writes at once.
+template <class T, int D>
+struct alignas(D == 2 ? 2 * sizeof(T) : 16) ElementForces {
+    T on[D + 1][D];
+};
+
 /// The mesh of one body, as kernels see it. Lengths of elements and displacements are in cells.
 template <class T, int D>
 struct ElementsView {
@@ -73,7 +80,7 @@ struct ElementsView {
     const std::int32_t* vertex;  // (elements, D + 1), numbers
     const T* inverse;            // (elements, D, D): D_m^-1, 1/cells
     const T* volume;             // (elements,) at rest, m^D
-    T* force;                    // (elements, D, D): on vertices 1 to D, times a cell
+    ElementForces<T, D>* force;  // (elements,)
     T* grown;                    // (elements,): V (J - 1)/(D + 1); null without volumes of vertices
     T* kept;                     // (elements, kept_reals): of laws that flow, else null
     const T* start_stress;       // (elements, 4 or 6): Cauchy at rest, Pa; in 2D zz last; or null
@@ -89,8 +96,9 @@ struct ElementsView {
     T* vertex_change;             // (vertices,): J_a - 1
     T* pressure;                  // (vertices,): U'(J_a), Pa
     T* load;                      // (vertices, D): of tractions, times a cell; null without any
-    const std::uint8_t* held;     // (vertices,): bit of each axis along which a pin has it, or null
-    std::uint64_t* inverted;      // the first element that is, else no_fault
+    T* push;                   // devices, (D, vertices) in storage order: `push_of_step`; else null
+    const std::uint8_t* held;  // (vertices,): bit of each axis along which a pin has it, or null
+    std::uint64_t* inverted;   // the first element that is, else no_fault
     ElementDamping<T> damping;
 
     MPM_INLINE int number(std::int64_t element, int k) const {
@@ -234,8 +242,14 @@ MPM_INLINE bool push_element(const ElementsView<T, D>& mesh, const Constants& k,
         add_damping(tau, h, element_change(mesh, inverse, e), change, mesh.damping, T(dt));
     const Mat<T, D> pull = element_pull(tau, h, inverse);
     const T volume = mesh.volume[e];
-    MPM_UNROLL for (int n = 0; n < D; ++n) MPM_UNROLL for (int a = 0; a < D; ++a)
-        mesh.force[(e * D + n) * D + a] = -(volume * pull.e[a][n]);
+    ElementForces<T, D> force;
+    MPM_UNROLL for (int a = 0; a < D; ++a) {
+        MPM_UNROLL for (int n = 0; n < D; ++n) force.on[n + 1][a] = -(volume * pull.e[a][n]);
+        T all = force.on[1][a];
+        MPM_UNROLL for (int n = 2; n <= D; ++n) all = all + force.on[n][a];
+        force.on[0][a] = -all;
+    }
+    mesh.force[e] = force;
     // Not-a-number is no volume either.
     return fine && change > T(least_element_ratio - 1);
 }
@@ -247,17 +261,8 @@ MPM_INLINE Vec<T, D> force_on_vertex(const ElementsView<T, D>& mesh, std::int64_
     MPM_UNROLL for (int a = 0; a < D; ++a) sum[a] = T(0);
     for (std::uint32_t c = mesh.start[number]; c < mesh.start[number + 1]; ++c) {
         const std::uint32_t e = mesh.corner[c] / (D + 1);
-        const int k = int(mesh.corner[c] % (D + 1));
-        const T* force = mesh.force + std::int64_t(e) * D * D;
-        MPM_UNROLL for (int a = 0; a < D; ++a) {
-            if (k > 0) {
-                sum[a] = sum[a] + force[(k - 1) * D + a];
-            } else {
-                T all = force[a];
-                MPM_UNROLL for (int n = 1; n < D; ++n) all = all + force[n * D + a];
-                sum[a] = sum[a] - all;
-            }
-        }
+        const T(&force)[D] = mesh.force[e].on[mesh.corner[c] % (D + 1)];
+        MPM_UNROLL for (int a = 0; a < D; ++a) sum[a] = sum[a] + force[a];
     }
     if (mesh.load)
         MPM_UNROLL for (int a = 0; a < D; ++a) sum[a] = sum[a] + mesh.load[number * D + a];
@@ -287,7 +292,7 @@ MPM_INLINE Vec<T, D> push_of_step(const Pass<X, T, D>& pass, const ElementsView<
 }
 
 /// `spread_particle` of a vertex: no stress goes with slopes, `push` (m/s) is the whole of it.
-template <int W, class X, class T, int D, class S, class G, class Add>
+template <class Nodes = ByPlanes, int W, class X, class T, int D, class S, class G, class Add>
 MPM_INLINE void spread_vertex(const Phase<X, T, D>& phase, const Reached<W, X, T, D, S>& reached,
                               const Places<D, W>& places, std::uint32_t q, const Vec<G, D>& push,
                               const Add& add) {
@@ -305,7 +310,7 @@ MPM_INLINE void spread_vertex(const Phase<X, T, D>& phase, const Reached<W, X, T
         MPM_UNROLL for (int a = 0; a < D; ++a) if (n.scheme.affine) slope[a][c] =
             get(column.slope(a, c));
     }
-    for_each_node(s, places, [&](const auto& k, int place, G w) {
+    Nodes::visit(s, places, [&](const auto& k, int place, G w) {
         MPM_UNROLL for (int c = 0; c < D; ++c) {
             G at = value[c];
             MPM_UNROLL for (int a = 0; a < D; ++a) at = at + slope[a][c] * s.distance[a][k[a]];

@@ -71,6 +71,35 @@ MPM_INLINE void for_each_node(const Stencil<V, D, W>& s, const Places<D, W>& pla
     }
 }
 
+/// How the nodes of a stencil are gone through: plane by plane, as above, or all unrolled and none
+/// left out, where there are few of them and registers hold what a loop would index.
+struct ByPlanes {
+    template <class S, class P, class F>
+    MPM_INLINE static void visit(const S& s, const P& places, const F& f) {
+        for_each_node(s, places, f);
+    }
+};
+struct Unrolled {
+    template <class V, int D, int W, class F>
+    MPM_INLINE static void visit(const Stencil<V, D, W>& s, const Places<D, W>& places,
+                                 const F& f) {
+        // A counter that is part of an array is not unrolled by nvcc.
+        MPM_UNROLL for (int i = 0; i < W; ++i) MPM_UNROLL for (int j = 0; j < W; ++j) {
+            const V plane = s.weight[0][i] * s.weight[1][j];
+            const int place = places.part[0][i] + places.part[1][j];
+            if constexpr (D == 2) {
+                const int k[] = {i, j};
+                f(k, place, plane);
+            } else {
+                MPM_UNROLL for (int l = 0; l < W; ++l) {
+                    const int k[] = {i, j, l};
+                    f(k, place + places.part[2][l], plane * s.weight[2][l]);
+                }
+            }
+        }
+    }
+};
+
 /// d weight / d x_a of node k.
 template <class V, int D, int W>
 MPM_INLINE V node_slope(const Stencil<V, D, W>& s, const int (&k)[D], int axis) {
@@ -207,11 +236,24 @@ struct Reached {
 
     MPM_INLINE Reached(const Phase<X, T, D>& phase, std::int32_t slot, const int (&home)[D],
                        std::uint32_t q) {
+        stand(phase, slot, home, q);
+        find_stencil(stencil, phase.n, phase.pass.body, at, q);
+    }
+    /// Where all have the same functions, which do not depend on the particle; known when this is
+    /// compiled they leave nothing to ask.
+    MPM_INLINE Reached(const Phase<X, T, D>& phase, std::int32_t slot, const int (&home)[D],
+                       std::uint32_t q, const KernelChoice& kernel) {
+        stand(phase, slot, home, q);
+        stencil = stencil_within<W>(kernel, at.xi, Vec<G, D>{}, at.in_domain);
+    }
+
+private:
+    MPM_INLINE void stand(const Phase<X, T, D>& phase, std::int32_t slot, const int (&home)[D],
+                          std::uint32_t q) {
         const auto& pass = phase.pass;
         Vec<T, D> offset;
         MPM_UNROLL for (int a = 0; a < D; ++a) offset[a] = pass.body.offset[a][q];
         at.find(pass.grid.table.corners + std::int64_t(slot) * D, home, offset);
-        find_stencil(stencil, phase.n, pass.body, at, q);
     }
 };
 
@@ -231,7 +273,7 @@ struct TransferNumbers {
 
 /// Gathers, for a particle or for those of a cell side by side. `read(place)` gives a node's
 /// velocities by channel, `put(column, number)` writes to scratch.
-template <class G, int D, int W, class S, class Read, class Put>
+template <class G, class Nodes = ByPlanes, int D, int W, class S, class Read, class Put>
 MPM_INLINE void collect_by(const PhaseNumbers& n, const TransferNumbers& t, const S& s,
                            const Places<D, W>& places, const Read& read, const Put& put) {
     constexpr int most = D + 1;
@@ -240,7 +282,7 @@ MPM_INLINE void collect_by(const PhaseNumbers& n, const TransferNumbers& t, cons
         if (t.part == Part::averages) return;
         G value[D];
         MPM_UNROLL for (int a = 0; a < D; ++a) value[a] = none;
-        for_each_node(s, places, [&](const auto&, int place, G w) MPM_INLINE_LAMBDA {
+        Nodes::visit(s, places, [&](const auto&, int place, G w) MPM_INLINE_LAMBDA {
             const auto u = read(place);
             MPM_UNROLL for (int a = 0; a < D; ++a) value[a] += w * u[t.source + a];
         });
@@ -258,7 +300,7 @@ MPM_INLINE void collect_by(const PhaseNumbers& n, const TransferNumbers& t, cons
     }
     MaskOf<G> guarded = none < none;
     const bool shapes = n.kernel.gradient == GradientForm::shapes, separate = n.separate_affine();
-    for_each_node(s, places, [&](const auto& k, int place, G w) MPM_INLINE_LAMBDA {
+    Nodes::visit(s, places, [&](const auto& k, int place, G w) MPM_INLINE_LAMBDA {
         const auto u = read(place);
         G along[D];
         MPM_UNROLL for (int a = 0; a < D; ++a) along[a] = node_along(s, k, w, a, shapes);
@@ -304,13 +346,13 @@ MPM_INLINE void collect_by(const PhaseNumbers& n, const TransferNumbers& t, cons
     if (n.guard >= 0) put(column.guard(), select(guarded, G(ScalarOf<G>(1)), none));
 }
 /// The same of particle q, into its scratch.
-template <int W, class X, class T, int D, class S, class Read>
+template <class Nodes = ByPlanes, int W, class X, class T, int D, class S, class Read>
 MPM_INLINE void collect_particle(const Phase<X, T, D>& phase, const Reached<W, X, T, D, S>& reached,
                                  const Places<D, W>& places, std::uint32_t q, const Read& read) {
     using G = typename Pass<X, T, D>::Grid;
     const std::size_t count = phase.pass.body.count;
-    collect_by<G>(phase.n, TransferNumbers::of(phase), reached.stencil, places, read,
-                  [&](int c, G x) { phase.pass.scratch[std::size_t(c) * count + q] = x; });
+    collect_by<G, Nodes>(phase.n, TransferNumbers::of(phase), reached.stencil, places, read,
+                         [&](int c, G x) { phase.pass.scratch[std::size_t(c) * count + q] = x; });
 }
 
 /// Spreads what a particle has in scratch, or those of a cell side by side: `get(column)` reads it.

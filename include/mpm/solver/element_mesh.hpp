@@ -42,15 +42,15 @@ struct MeshSizes {
     std::uint64_t loaded, pinned;  // vertices of tractions, of pins
     bool stressed, damped;
 };
-/// With numbers of `real` bytes.
+/// With numbers of `real` bytes, of a device or not.
 template <int D>
-double planned_mesh_bytes(const MeshSizes& m, int real) {
+double planned_mesh_bytes(const MeshSizes& m, int real, bool device) {
     const int of_volumes = m.vertex_volumes ? 1 : 0,
-              by_element = 2 * 4 * (D + 1) + real * (2 * D * D + 1 + of_volumes + m.kept +
+              by_element = 2 * 4 * (D + 1) + real * (D * (2 * D + 1) + 1 + of_volumes + m.kept +
                                                      (m.stressed ? start_reals<D> : 0)),
-              by_vertex =
-                  4 * (2 * D + 1) + (m.pinned > 0 ? 5 : 0) +
-                  real * (2 * D + 3 * of_volumes + (m.loaded > 0 ? D : 0) + (m.damped ? D : 0)),
+              by_vertex = 4 * (2 * D + 1) + (m.pinned > 0 ? 5 : 0) +
+                          real * (2 * D + 3 * of_volumes + (m.loaded > 0 ? D : 0) +
+                                  (m.damped ? D : 0) + (device ? D : 0)),
               by_loaded = 4 + 8, by_pinned = 4 + 4 + 8 + 8 * D;
     return double(m.elements) * by_element + double(m.vertices) * by_vertex +
            double(m.loaded) * by_loaded + double(m.pinned) * by_pinned;
@@ -70,9 +70,9 @@ public:
           cells_(exec),
           start_(exec),
           corner_(exec),
+          force_(exec),
           inverse_(exec),
           volume_(exec),
-          force_(exec),
           grown_(exec),
           kept_(exec),
           start_stress_(exec),
@@ -83,6 +83,7 @@ public:
           vertex_change_(exec),
           pressure_(exec),
           load_(exec),
+          vertex_push_(exec),
           pinned_(exec),
           pinned_vertex_(exec),
           pin_(exec),
@@ -131,14 +132,17 @@ public:
         auto next = start;
         for (std::size_t c = 0; c < element.size(); ++c)
             corner[next[std::size_t(element[c])]++] = std::uint32_t(c);
-        if constexpr (X::is_device) host_ = {element, start, corner};
+        if constexpr (X::is_device) {
+            host_ = {element, start, corner};
+            vertex_push_.reserve_discard(vertices_ * D);
+        }
         vertex_.assign(element);
         start_.assign(start);
         corner_.assign(corner);
         inverse_.assign(inverse);
         volume_.assign(volume);
         inverted_.assign({no_fault});
-        force_.reserve_discard(elements_ * D * D);
+        force_.reserve_discard(elements_);
         rest_cell_.reserve_discard(vertices_ * D);
         cells_.reserve_discard(vertices_ * D);
         rest_offset_.reserve_discard(vertices_ * D);
@@ -182,6 +186,7 @@ public:
         v.vertex_change = vertex_change_.data();
         v.pressure = pressure_.data();
         v.load = load_.size() > 0 ? load_.data() : nullptr;
+        v.push = X::is_device ? vertex_push_.data() : nullptr;
         v.held = held_.size() > 0 ? held_.data() : nullptr;
         v.inverted = inverted_.data();
         return v;
@@ -355,9 +360,9 @@ public:
                corner_.bytes() + inverse_.bytes() + volume_.bytes() + force_.bytes() +
                grown_.bytes() + kept_.bytes() + start_stress_.bytes() + rest_offset_.bytes() +
                beyond_.bytes() + moved_.bytes() + vertex_volume_.bytes() + vertex_change_.bytes() +
-               pressure_.bytes() + load_.bytes() + pinned_.bytes() + held_.bytes() +
-               pinned_vertex_.bytes() + pin_.bytes() + pinned_mass_.bytes() + push_.bytes() +
-               goal_.bytes() + swap_.bytes() + inverted_.bytes() + energy_.bytes() +
+               pressure_.bytes() + load_.bytes() + vertex_push_.bytes() + pinned_.bytes() +
+               held_.bytes() + pinned_vertex_.bytes() + pin_.bytes() + pinned_mass_.bytes() +
+               push_.bytes() + goal_.bytes() + swap_.bytes() + inverted_.bytes() + energy_.bytes() +
                pushed_.bytes() + measured_.bytes() + pressed_.bytes() +
                (share_ ? share_->bytes() : 0);
     }
@@ -370,8 +375,10 @@ private:
 
     Buffer<X, std::int32_t> vertex_, rest_cell_, cells_;
     Buffer<X, std::uint32_t> start_, corner_;
-    Buffer<X, T> inverse_, volume_, force_, grown_, kept_, start_stress_;
-    Buffer<X, T> rest_offset_, beyond_, moved_, vertex_volume_, vertex_change_, pressure_, load_;
+    Buffer<X, ElementForces<T, D>> force_;
+    Buffer<X, T> inverse_, volume_, grown_, kept_, start_stress_;
+    Buffer<X, T> rest_offset_, beyond_, moved_, vertex_volume_, vertex_change_, pressure_, load_,
+        vertex_push_;
     ElementDamping<T> damping_;
     Buffer<X, std::int32_t> pinned_;
     Buffer<X, std::uint32_t> pinned_vertex_;

@@ -22,8 +22,8 @@ struct ArenaNode {
 /// Channels of velocities that an arena has room for; scenes with more read the grid.
 inline constexpr int arena_channels = 8;
 
-template <int W, class X, class T, int D>
-__global__ void __launch_bounds__(phase_block)
+template <int W, bool Splines, class X, class T, int D>
+__global__ void __launch_bounds__(most_home_threads, home_blocks<Splines>)
     collect_step(const __grid_constant__ Phase<X, T, D> phase) {
     using G = typename Pass<X, T, D>::Grid;
     const auto& pass = phase.pass;
@@ -42,13 +42,14 @@ __global__ void __launch_bounds__(phase_block)
         });
         __syncthreads();
     }
-    for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += phase_block) {
+    for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += blockDim.x) {
         int home[D];
         Block<D>::coordinates(pass.body.home_cell(q), home);
-        const Reached<W, X, T, D> reached(phase, slot, home, q);
+        const auto reached = reach<W, Splines>(phase, slot, home, q);
         if (in_arena && fits_arena<W>(reached.at.cell)) {
-            collect_particle(phase, reached, places_in_arena<NodeArena<D>, W>(reached.at.cell), q,
-                             [&](int place) { return ArenaNode<G, D>{arena + place}; });
+            collect_particle<NodesOf<Splines>>(
+                phase, reached, places_in_arena<NodeArena<D>, W>(reached.at.cell), q,
+                [&](int place) { return ArenaNode<G, D>{arena + place}; });
         } else {
             collect_particle(phase, reached, places_in_grid<W>(reached.at.cell), q, [&](int place) {
                 return g.velocity + g.velocity_place(neighbours[place >> 8], place & 255);
@@ -59,9 +60,14 @@ __global__ void __launch_bounds__(phase_block)
 
 template <class X, class T, int D>
 void collect_body(const Phase<X, T, D>& phase) {
-    auto* const kernel = kernel_width(phase.n.kernel.kernel) == 3 ? &collect_step<3, X, T, D>
-                                                                  : &collect_step<5, X, T, D>;
-    phase.pass.exec->launch(kernel, phase.pass.body.homes, 1, phase_block, phase);
+    const KernelChoice& choice = phase.n.kernel;
+    auto* kernel = kernel_width(choice.kernel) == 3 ? &collect_step<3, false, X, T, D>
+                                                    : &collect_step<5, false, X, T, D>;
+    if constexpr (may_unroll<typename Pass<X, T, D>::Grid>) {
+        if (of_splines(choice)) kernel = &collect_step<3, true, X, T, D>;
+    }
+    const auto& pass = phase.pass;
+    pass.exec->launch(kernel, pass.body.homes, 1, home_threads(pass), phase);
 }
 template <class X, class T, int D>
 void spread_body(const Phase<X, T, D>& phase) {

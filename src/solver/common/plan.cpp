@@ -394,8 +394,8 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
             for (const PinSpec& pin : body.pins) sizes.pinned += pin.vertices.size();
             p.state_columns = 1;
             p.columns.push_back({"mass_share", 1, real});
-            plan.memory_particles +=
-                D == 2 ? planned_mesh_bytes<2>(sizes, real) : planned_mesh_bytes<3>(sizes, real);
+            plan.memory_particles += D == 2 ? planned_mesh_bytes<2>(sizes, real, backend.device)
+                                            : planned_mesh_bytes<3>(sizes, real, backend.device);
         } else {
             p.rigid = body.rigid.given;
             p.state_columns = m.reals(D);

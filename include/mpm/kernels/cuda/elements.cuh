@@ -30,17 +30,18 @@ template <class G, class T, int D>
 struct PushedVertex {
     Vec<G, D> push;
     G share;  // of the mean vertex' mass
-    template <class P, class R, class N, class Add>
+    template <class Nodes, class P, class R, class N, class Add>
     __device__ __forceinline__ void spread(const P& phase, const R& reached, const N& places,
                                            std::uint32_t q, const Add& add) const {
-        spread_vertex(phase, reached, places, q, push, [&](int channel, int place, G amount) {
-            add(channel, place, share * amount);
-        });
+        spread_vertex<Nodes>(
+            phase, reached, places, q, push,
+            [&](int channel, int place, G amount) { add(channel, place, share * amount); });
     }
 };
 template <class T, int D>
 struct Vertices {
     static constexpr bool tell = true;
+    static constexpr bool of_splines = true;
     ElementsView<T, D> mesh;
 
     template <class X, class G>
@@ -49,10 +50,9 @@ struct Vertices {
                                                         Largest<G>& largest) const {
         const auto& pass = phase.pass;
         report_inverted<X>(pass, mesh, q);
-        const Vec<T, D> push = push_of_step(pass, mesh, q);
         PushedVertex<G, T, D> vertex{};
         vertex.share = G(pass.body.state[0][q]);
-        MPM_UNROLL for (int c = 0; c < D; ++c) vertex.push[c] = G(push[c]);
+        MPM_UNROLL for (int c = 0; c < D; ++c) vertex.push[c] = G(mesh.push[c * mesh.vertices + q]);
         largest.see_momentum(vertex_deposit(phase, q, vertex.push));
         return vertex;
     }
@@ -114,6 +114,7 @@ void locate_vertices(const Pass<X, T, D>& pass, const ElementsView<T, D>& mesh, 
 }
 template <class X, class T, int D>
 void spread_vertices(const Phase<X, T, D>& phase, const ElementsView<T, D>& mesh) {
+    phase.pass.exec->for_each(phase.pass.body.count, PushVertices<X, T, D>{phase.pass, mesh});
     spread_with(phase, Vertices<T, D>{mesh});
 }
 template <class X, class T, int D>

@@ -13,10 +13,27 @@ namespace mpm::cuda {
 template <int D>
 using NodeArena = SumArena<D, 0>;
 
+/// Threads that share a home block: more where its particles are many and homes too few to fill the
+/// device.
+inline constexpr int most_home_threads = 2 * phase_block;
+/// Blocks of so many threads for a multiprocessor: where nodes need no loop a thread would take
+/// more registers than the 80 that this leaves it.
+template <bool Splines>
+inline constexpr int home_blocks = Splines ? 3 : 1;
+template <class P>
+int home_threads(const P& pass) {
+    const std::int64_t homes = std::max(pass.body.homes, 1), each = pass.body.count / homes,
+                       resident = 1024 * std::int64_t(pass.exec->multiprocessors());
+    int threads = phase_block;
+    while (threads < most_home_threads && threads < each && homes * 2 * threads <= resident)
+        threads *= 2;
+    return threads;
+}
+
 /// Calls f(place in the arena, block among the neighbours, node) for this thread's nodes.
 template <int D, class F>
 __device__ __forceinline__ void for_my_arena_nodes(const F& f) {
-    for (int k = threadIdx.x; k < Block<D>::arena_nodes; k += phase_block) {
+    for (int k = threadIdx.x; k < Block<D>::arena_nodes; k += blockDim.x) {
         int at[D], rest = k, place = 0, neighbour, node;
         MPM_UNROLL for (int a = D - 1; a >= 0; --a) {
             at[a] = rest % Block<D>::arena_edge;
@@ -28,14 +45,33 @@ __device__ __forceinline__ void for_my_arena_nodes(const F& f) {
     }
 }
 
+/// Quadratic splines, away from clamped ends: the same functions for all, known when a pass is
+/// compiled, whose nodes then need no loop. In double precision registers do not hold them.
+template <class G>
+inline constexpr bool may_unroll = sizeof(G) == 4;
+inline bool of_splines(const KernelChoice& k) {
+    return k.kernel == Kernel::quadratic && !k.clamped;
+}
+template <bool Splines>
+using NodesOf = std::conditional_t<Splines, Unrolled, ByPlanes>;
+template <int W, bool Splines, class X, class T, int D>
+__device__ __forceinline__ Reached<W, X, T, D> reach(const Phase<X, T, D>& phase, std::int32_t slot,
+                                                     const int (&home)[D], std::uint32_t q) {
+    if constexpr (Splines)
+        return Reached<W, X, T, D>(phase, slot, home, q, KernelChoice{});
+    else
+        return Reached<W, X, T, D>(phase, slot, home, q);
+}
+
 /// Particles: what they deposit is all in scratch, and told by `respond`.
 struct Particles {
     static constexpr bool tell = false;
+    static constexpr bool of_splines = false;  // all transfers and forms would be at every node
     template <class P, class L>
     __device__ __forceinline__ Particles at(const P&, std::uint32_t, L&) const {
         return {};
     }
-    template <class P, class R, class N, class Add>
+    template <class Nodes, class P, class R, class N, class Add>
     __device__ __forceinline__ void spread(const P& phase, const R& reached, const N& places,
                                            std::uint32_t q, const Add& add) const {
         spread_particle(phase, reached, places, q, add);
@@ -44,8 +80,8 @@ struct Particles {
 
 /// Sums are integers: in which order they are added to the arena, and from there to the grid,
 /// changes nothing.
-template <int W, class X, class T, int D, class Carriers>
-__global__ void __launch_bounds__(phase_block)
+template <int W, bool Splines, class X, class T, int D, class Carriers>
+__global__ void __launch_bounds__(most_home_threads, home_blocks<Splines>)
     spread_step(const __grid_constant__ Phase<X, T, D> phase,
                 const __grid_constant__ Carriers carriers) {
     using G = typename Pass<X, T, D>::Grid;
@@ -54,9 +90,12 @@ __global__ void __launch_bounds__(phase_block)
     const auto& pass = phase.pass;
     const auto& g = pass.grid;
     if (idle(phase)) return;
-    __shared__ Sum arena[most * NodeArena<D>::nodes];
+    __shared__ alignas(16) Sum arena[most * NodeArena<D>::nodes];
     const SpreadTargets<D> to(phase.n, phase.part, pass.group);
-    for (int k = threadIdx.x; k < to.channels * NodeArena<D>::nodes; k += phase_block) arena[k] = 0;
+    const int pieces = to.channels * NodeArena<D>::nodes * int(sizeof(Sum)) / int(sizeof(int4));
+    static_assert(NodeArena<D>::nodes * sizeof(Sum) % sizeof(int4) == 0);
+    for (int k = threadIdx.x; k < pieces; k += blockDim.x)
+        reinterpret_cast<int4*>(arena)[k] = int4{};
     const Scales<G, D> scales(pass);
     G scale[most];
     MPM_UNROLL for (int c = 0; c < most; ++c) {
@@ -67,6 +106,12 @@ __global__ void __launch_bounds__(phase_block)
                    : kind == SpreadChannel::average ? scales.group
                                                     : scales.momentum;
     }
+    const auto fixed = [&](int channel, G amount) {
+        if constexpr (Carriers::of_splines)  // velocities, then the mass: no list to look it up in
+            return to_fixed(amount * (channel == to.channels - 1 ? scales.mass : scales.momentum));
+        else
+            return to_fixed(amount * scale[channel]);
+    };
     const std::int32_t slot = pass.body.home[blockIdx.x];
     const std::int32_t* neighbours = neighbours_of(g.table, slot);
     const std::uint32_t* start = pass.body.cell_start + std::int64_t(slot) * block_cells;
@@ -79,23 +124,24 @@ __global__ void __launch_bounds__(phase_block)
     };
     Largest<G> largest;
     __syncthreads();
-    for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += phase_block) {
+    for (std::uint32_t q = start[0] + threadIdx.x; q < start[block_cells]; q += blockDim.x) {
         int home[D];
         Block<D>::coordinates(pass.body.home_cell(q), home);
-        const Reached<W, X, T, D> reached(phase, slot, home, q);
+        const auto reached = reach<W, Splines>(phase, slot, home, q);
         const auto carrier = carriers.at(phase, q, largest);
         if (fits_arena<W>(reached.at.cell)) {
-            carrier.spread(phase, reached, places_in_arena<NodeArena<D>, W>(reached.at.cell), q,
-                           [&](int channel, int place, G amount) {
-                               add_fixed(arena + channel * NodeArena<D>::nodes + place,
-                                         to_fixed(amount * scale[channel]));
-                           });
+            carrier.template spread<NodesOf<Splines>>(
+                phase, reached, places_in_arena<NodeArena<D>, W>(reached.at.cell), q,
+                [&](int channel, int place, G amount) {
+                    add_fixed(arena + channel * NodeArena<D>::nodes + place,
+                              fixed(channel, amount));
+                });
         } else {
-            carrier.spread(phase, reached, places_in_grid<W>(reached.at.cell), q,
-                           [&](int channel, int place, G amount) {
-                               to_grid(channel, place >> 8, place & 255,
-                                       to_fixed(amount * scale[channel]));
-                           });
+            carrier.template spread<ByPlanes>(phase, reached, places_in_grid<W>(reached.at.cell), q,
+                                              [&](int channel, int place, G amount) {
+                                                  to_grid(channel, place >> 8, place & 255,
+                                                          fixed(channel, amount));
+                                              });
         }
     }
     if constexpr (Carriers::tell) {
@@ -112,10 +158,14 @@ __global__ void __launch_bounds__(phase_block)
 
 template <class X, class T, int D, class Carriers>
 void spread_with(const Phase<X, T, D>& phase, const Carriers& carriers) {
-    auto* const kernel = kernel_width(phase.n.kernel.kernel) == 3
-                             ? &spread_step<3, X, T, D, Carriers>
-                             : &spread_step<5, X, T, D, Carriers>;
-    phase.pass.exec->launch(kernel, phase.pass.body.homes, 1, phase_block, phase, carriers);
+    const KernelChoice& choice = phase.n.kernel;
+    auto* kernel = kernel_width(choice.kernel) == 3 ? &spread_step<3, false, X, T, D, Carriers>
+                                                    : &spread_step<5, false, X, T, D, Carriers>;
+    if constexpr (Carriers::of_splines && may_unroll<typename Pass<X, T, D>::Grid>) {
+        if (of_splines(choice)) kernel = &spread_step<3, true, X, T, D, Carriers>;
+    }
+    const auto& pass = phase.pass;
+    pass.exec->launch(kernel, pass.body.homes, 1, home_threads(pass), phase, carriers);
 }
 
 }  // namespace mpm::cuda
