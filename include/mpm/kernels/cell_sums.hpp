@@ -3,17 +3,17 @@
 // in memory of their own first.
 //
 //   add_to_cells, add_to_nodes   for every particle
+//   CellPeers::complete          of several ranks: adds what others have in cells that both hold
 //   FinishSums                   for every cell: integers to what `CellColumns` names, in place
 //   ExchangeCells                for every cell, where the form asks for it
 //   value_of_cells, _of_nodes    for every particle: its state; what is left of the energy is
-//   summed
-//                                in a fixed order, as numbers
+//                                summed in a fixed order, as numbers
 //   TakeSmoothing                once: what the call did, and whether it may have done it
 //
-// Scales are fixed by the body alone. A cell holds at most all N particles of the body; what one of
-// them adds is at most 1 (its weight, its place in cells and their products) or `most_smoothed` (a
-// volume loss or a strain; times a place, half of it). So integers on the scale of
-// 2^(61 - ceil(log2 N)), and that over `most_smoothed`, sum up to 2^61 and half a quantum a
+// Scales are fixed by the body alone. A cell holds at most all N particles of the body, on all
+// ranks; what one of them adds is at most 1 (its weight, its place in cells and their products) or
+// `most_smoothed` (a volume loss or a strain; times a place, half of it). So integers on the scale
+// of 2^(61 - ceil(log2 N)), and that over `most_smoothed`, sum up to 2^61 and half a quantum a
 // particle more: no sum of 64 bits overflows, whatever meets where. Of 8e6 particles the quantum of
 // a place is 2^-38, that of a strain 2^-33: what rounding puts into a mean is at most half of it.
 #pragma once
@@ -23,6 +23,8 @@
 #include <cstring>
 
 #include "mpm/kernels/cell_phases.hpp"
+#include "mpm/kernels/phase_ops.hpp"
+#include "mpm/kernels/rank_told.hpp"
 #include "mpm/kernels/transfers.hpp"
 
 namespace mpm {
@@ -55,7 +57,7 @@ struct CellTask {
     SmoothingChoice choice;
     CellColumns<D> cells;  // or nodes
     std::int64_t count;    // of them, in all blocks
-    std::int64_t summed;   // numbers that begin at 0
+    int summed;            // numbers of each that begin at 0
     CellScale scale;
     bool between;           // spans lie between nodes
     double* energies;       // (homes, smoothing_sums)
@@ -219,11 +221,12 @@ MPM_INLINE void value_of_nodes(const Phase<X, T, D>& phase, const CellTask<D>& t
 
 /// What a driver does between and around its two loops over particles.
 template <class X, class T, int D, class Add, class Value>
-void smooth_with_sums(const Phase<X, T, D>& phase, const CellTask<D>& task, const Add& add,
-                      const Value& value) {
+void smooth_with_sums(const Phase<X, T, D>& phase, const CellTask<D>& task, CellPeers* peers,
+                      const Add& add, const Value& value) {
     X& exec = *phase.pass.exec;
-    exec.zero(task.cells.data, std::size_t(task.summed) * sizeof(double));
+    exec.zero(task.cells.data, std::size_t(task.summed * task.count) * sizeof(double));
     add();
+    if (peers) peers->complete(task.cells.data, std::size_t(task.summed));
     exec.for_each(task.count, FinishSums<D>::of(task, phase.pass.body.particle_mass));
     if (task.choice.exchanges())
         exec.for_each(task.count, ExchangeCells<D, NextInBlocks<D>>{
@@ -249,7 +252,37 @@ struct AddSmoothing {
     }
 };
 
-/// Records a call, and halts the clock where it added energy or could not hold a number.
+/// Numbers of blocks that another rank holds too, into one piece, block after block.
+struct PackCells {
+    const std::int64_t* cells;  // by column
+    std::int64_t count;         // cells of a column
+    int columns;
+    const std::int32_t* slot;
+    std::int64_t* out;
+    MPM_INLINE static std::int64_t place(std::int64_t i, std::int64_t count, int columns,
+                                         const std::int32_t* slot) {
+        const std::int64_t row = i / block_cells;
+        return row % columns * count + std::int64_t(slot[row / columns]) * block_cells +
+               i % block_cells;
+    }
+    MPM_INLINE void operator()(std::int64_t i) const {
+        out[i] = cells[place(i, count, columns, slot)];
+    }
+};
+/// Adds what another rank has added to such blocks. Integers: the order of ranks changes no bit.
+struct AddCells {
+    std::int64_t* cells;
+    std::int64_t count;
+    int columns;
+    const std::int32_t* slot;
+    const std::int64_t* in;
+    MPM_INLINE void operator()(std::int64_t i) const {
+        if (in[i] != 0) cells[PackCells::place(i, count, columns, slot)] += in[i];
+    }
+};
+
+/// Records a call, and halts the clock where it added energy or could not hold a number; of one
+/// rank of several, tells what it has of the sums.
 struct TakeSmoothing {
     Clock* clock;
     SmoothingLog* log;
@@ -257,12 +290,14 @@ struct TakeSmoothing {
     double rounding;         // of the particles' numbers: a share of the energy
     double quantum;          // of a mean
     std::uint64_t body;
+    TellRanks tell;
 
     /// A mean of rounded numbers is off by at most half a quantum. Lumped means are by more where
     /// many particles touch a node that none weighs upon: together by no more than if all were by
     /// one for each node that a particle reaches.
     static TakeSmoothing of(Clock* clock, SmoothingLog* log, double mass, std::uint64_t particles,
-                            bool single, const SmoothingChoice& choice, std::uint64_t body) {
+                            bool single, const SmoothingChoice& choice, std::uint64_t body,
+                            const TellRanks& tell) {
         const CellScale scale = CellScale::of(particles);
         double rounding = single ? 1e-6 : 1e-12,
                quantum = (choice.form == CellForm::nodal ? 64 : 0.5) / scale.field;
@@ -272,10 +307,19 @@ struct TakeSmoothing {
             rounding += 4 / (scale.one * least_inertia);
             quantum /= std::sqrt(least_inertia);
         }
-        return {clock, log, mass, double(particles), rounding, quantum, body};
+        return {clock, log, mass, double(particles), rounding, quantum, body, tell};
     }
     MPM_HD void operator()(int, const double* sum) const {
         if (clock->halt != Halt::none) return;
+        if (!tell.any()) return take(sum, log->beyond);
+        RankTold mine{};
+        static_assert(smoothing_sums <= RankTold::most);
+        for (int k = 0; k < smoothing_sums; ++k) mine.number[k] = sum[k];
+        mine.beyond = log->beyond != no_fault;
+        tell(mine);
+    }
+    /// `beyond`: a particle whose field is larger than sums can take, or `no_fault`.
+    MPM_HD void take(const double* sum, std::uint64_t beyond) const {
         SmoothingEnergy e{mass * sum[0], mass * sum[1], 0};
         for (int k = 0; k < most_components; ++k)
             e.uniform += mass * sum[2 + k] * sum[2 + k] / particles;
@@ -284,8 +328,8 @@ struct TakeSmoothing {
         // Of q + d: sum m (q + d)^2, with sums m q d by Cauchy's inequality.
         const double off = mass * particles * quantum * quantum;
         const double allowed = rounding * e.before + 2 * std::sqrt(e.before * off) + off;
-        if (log->beyond != no_fault)
-            stop(FaultKind::smoothing_range, log->beyond, most_smoothed);
+        if (beyond != no_fault)
+            stop(FaultKind::smoothing_range, beyond, most_smoothed);
         else if (!(e.change() <= allowed))
             stop(FaultKind::smoothing, fault_number(body, 0), e.change() / e.before);
     }
@@ -294,6 +338,23 @@ struct TakeSmoothing {
         clock->fault = kind;
         clock->fault_particle = who;
         clock->fault_value = value;
+    }
+};
+/// Devices of several: when all have told.
+struct TakeSmoothingOfAll {
+    TakeSmoothing take;
+    const RankTold* told;
+    int ranks;
+    std::uint64_t elsewhere;  // a particle that another rank has
+    MPM_HD void operator()() const {
+        if (take.clock->halt != Halt::none) return;
+        double sum[smoothing_sums] = {};
+        std::uint64_t beyond = take.log->beyond;
+        for (int r = 0; r < ranks; ++r) {
+            for (int k = 0; k < smoothing_sums; ++k) sum[k] += told[r].number[k];
+            if (told[r].beyond && beyond == no_fault) beyond = elsewhere;
+        }
+        take.take(sum, beyond);
     }
 };
 

@@ -9,6 +9,7 @@
 #pragma once
 
 #include "mpm/kernels/grid.hpp"
+#include "mpm/kernels/rank_told.hpp"
 
 namespace mpm {
 
@@ -40,14 +41,35 @@ struct SweepMaxima {
     static constexpr double light_nodes = 8;
 };
 
-/// The scale of the coming sweep's sums.
+/// The scale of the coming sweep's sums; of one rank of several, what it has found.
 struct SetSweepScale {
     Clock* clock;
     int sum_bits;  // 0: sums are plain numbers
+    TellRanks tell;
     MPM_HD void operator()(const double* maxima) const {
         if (sum_bits == 0) return;
-        const double most = maxima[max_speed] * maxima[max_mass];
+        if (!tell.any()) return by(maxima[max_speed], maxima[max_mass]);
+        RankTold mine{};
+        mine.number[0] = maxima[max_speed];
+        mine.number[1] = maxima[max_mass];
+        tell(mine);
+    }
+    MPM_HD void by(double speed, double mass) const {
+        const double most = speed * mass;
         clock->sweep_scale = power_of_two_below(ldexp(1.0, sum_bits - 1) / (most > 0 ? most : 1.0));
+    }
+};
+/// Devices: when all have told.
+struct SetSweepScaleOfAll {
+    SetSweepScale set;
+    const RankTold* told;
+    int ranks;
+    MPM_HD void operator()() const {
+        double most[2] = {};
+        for (int r = 0; r < ranks; ++r)
+            for (int k = 0; k < 2; ++k)
+                if (!(told[r].number[k] <= most[k])) most[k] = told[r].number[k];
+        set.by(most[0], most[1]);
     }
 };
 

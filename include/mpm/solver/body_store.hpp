@@ -67,6 +67,7 @@ struct BodyStore {
     std::int64_t smoothing_seen = 0;  // devices: calls that are in it
     Buffer<X, SumSet> smoothing_set;  // devices: the homes that its energy is summed over
     std::int64_t smoothing_homes = -1;
+    std::uint64_t count_of_all = 0;  // particles on all ranks; on CPUs those of this one
 
     // Taken out of the computation by the policy for particles that leave the domain, still listed.
     std::vector<std::uint32_t> frozen_id;

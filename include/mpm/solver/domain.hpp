@@ -154,6 +154,7 @@ private:
     void after_collect(Body& body, int number, const Phase<X, T, D>& phase);
     void after_respond(Body& body, const Phase<X, T, D>& phase);
     struct PeersOfBody;
+    struct CellsOfDevices;
     CellRoom cell_room(const Body& body, PeersOfBody* peers = nullptr);
     bool meets_over_cells(const Body& body) const;
     void smooth_on_device(Body& body, int number, const Phase<X, T, D>& phase);
@@ -323,6 +324,9 @@ private:
         std::int64_t first;           // in shared_slots_
         std::int64_t numbers;         // sums of all of them
         const Sum* theirs = nullptr;  // what the other has added to them
+        // The same of cells, of which that for this rank begins at the block `their_first`.
+        const std::int64_t* their_cells = nullptr;
+        std::int64_t their_first = 0;
     };
     void link_homes();
     ReachedBlocks reached_blocks() const {
@@ -349,8 +353,16 @@ private:
     void count_reached();
     // domain_parcels.hpp
     bool reaches() const;
-    void share_votes();
+    template <class N>
+    void share_told(const Buffer<X, N>& by_rank);
+    TellRanks tell_ranks() {
+        if (!X::is_device || !share_) return {};
+        return {told_boxes_.data(), share_->rank(), int(told_boxes_.size())};
+    }
     void list_shared();
+    void list_shared_cells(std::int64_t slots);
+    void swap_cells(std::int64_t* cells, int columns);
+    static int summed_columns(const Body& body);
     void swap_sums(int which, const Clock* clock);
     void share_sums();
     void share_deposits(int which);
@@ -532,8 +544,10 @@ private:
 
     // Devices that share the scene.
     std::unique_ptr<typename X::Meeting> meeting_;
-    Buffer<X, RankVote> votes_{exec_};       // of all ranks, by rank
-    Buffer<X, RankVote*> boxes_{exec_};      // of all ranks that this one reaches, or its own
+    Buffer<X, RankVote> votes_{exec_};   // of all ranks, by rank
+    Buffer<X, RankVote*> boxes_{exec_};  // of all ranks that this one reaches, or its own
+    Buffer<X, RankTold> told_{exec_};    // likewise: what else they tell within a step
+    Buffer<X, RankTold*> told_boxes_{exec_};
     Buffer<X, std::uint8_t> shared_{exec_};  // (slots,): others hold it too
     Buffer<X, std::int32_t> owner_{exec_};   // (slots,)
     // (slots,): its owner may have particles there without a new table.
@@ -548,6 +562,7 @@ private:
     std::vector<SharedWith> shared_with_;
     Buffer<X, std::int32_t> shared_slots_{exec_};
     Buffer<X, Sum> shared_out_{exec_}, shared_in_{exec_};
+    Buffer<X, std::int64_t> cells_out_{exec_}, cells_in_{exec_};  // of what is summed over cells
     // What gauges and probes read (telling.hpp).
     Buffer<X, std::uint64_t> told_keys_{exec_};
     Buffer<X, std::int32_t> told_slots_{exec_};

@@ -125,12 +125,13 @@ void Domain<X, T, D>::open_devices() {
     if constexpr (X::is_device) {
         Communicator& comm = *share_->comm;
         meeting_ = X::Meeting::open(exec_, comm);
-        votes_.assign(std::vector<RankVote>(std::size_t(comm.ranks()), RankVote{}));
-        std::vector<RankVote*> boxes;
-        if (!meeting_->reaches()) return boxes_.assign({votes_.data()});
-        for (RankVote* theirs : comm.tell(votes_.data(), "where it is told"))
-            boxes.push_back(theirs);
-        boxes_.assign(boxes);
+        const auto open = [&]<class N>(Buffer<X, N>& by_rank, Buffer<X, N*>& boxes) {
+            by_rank.assign(std::vector<N>(std::size_t(comm.ranks()), N{}));
+            boxes.assign(meeting_->reaches() ? comm.tell(by_rank.data(), "where it is told")
+                                             : std::vector<N*>{by_rank.data()});
+        };
+        open(votes_, boxes_);
+        open(told_, told_boxes_);
     }
 }
 

@@ -5,6 +5,7 @@
 // rank and the sums of blocks that are new to a table.
 #pragma once
 
+#include "mpm/kernels/cell_sums.hpp"
 #include "mpm/solver/domain.hpp"
 #include "mpm/solver/rank_blocks.hpp"
 
@@ -17,14 +18,15 @@ bool Domain<X, T, D>::reaches() const {
     return false;
 }
 
-/// The votes of all, on every rank, before the clock decides.
+/// What each rank has told of itself, votes before the clock decides or other numbers, on all.
 template <class X, class T, int D>
-void Domain<X, T, D>::share_votes() {
+template <class N>
+void Domain<X, T, D>::share_told(const Buffer<X, N>& by_rank) {
     if (reaches()) return meeting_->meet();
     std::vector<Parcel> out, in;
     for (int r : share_->comm->others()) {
-        out.push_back({votes_.data() + share_->rank(), sizeof(RankVote), r});
-        in.push_back({votes_.data() + r, sizeof(RankVote), r});
+        out.push_back({by_rank.data() + share_->rank(), sizeof(N), r});
+        in.push_back({by_rank.data() + r, sizeof(N), r});
     }
     meeting_->swap(out, in);
 }
@@ -52,6 +54,7 @@ void Domain<X, T, D>::list_shared() {
     shared_slots_.assign(slots);
     shared_out_.reserve_discard(slots.size() * std::size_t(block));
     s.bytes_a_step = slots.size() * std::size_t(block) * sizeof(Sum) * (splits() ? 2 : 1);
+    list_shared_cells(std::int64_t(slots.size()));
     if (!reaches()) return shared_in_.reserve_discard(shared_out_.size());
     std::vector<const Sum*> mine(std::size_t(s.ranks()), nullptr);
     for (const SharedWith& w : shared_with_)
@@ -87,6 +90,70 @@ void Domain<X, T, D>::swap_sums(int which, const Clock* clock) {
     for (const SharedWith& w : shared_with_)
         exec_.for_each(w.numbers, AddBlocks<Sum>{clock, sums, shared_slots_.data() + w.first, block,
                                                  w.theirs});
+}
+
+/// The same, in pieces by rank of what others hold too, for what bodies sum up over cells.
+template <class X, class T, int D>
+void Domain<X, T, D>::list_shared_cells(std::int64_t slots) {
+    std::int64_t columns = 0;
+    for (const Body& body : bodies_)
+        if (body.plan.cells.smooths())
+            columns = std::max<std::int64_t>(columns, summed_columns(body));
+    if (columns == 0) return;
+    cells_out_.reserve_discard(std::size_t(slots * columns) * block_cells);
+    if (!reaches()) return cells_in_.reserve_discard(cells_out_.size());
+    RankShare<D>& s = *share_;
+    struct Piece {
+        const std::int64_t* out;
+        std::int64_t first;
+    };
+    std::vector<Piece> mine(std::size_t(s.ranks()), Piece{nullptr, 0});
+    for (const SharedWith& w : shared_with_)
+        mine[std::size_t(w.rank)] = {cells_out_.data(), w.first};
+    const auto told = s.comm->all_gather_alike(mine, "where its sums over cells are");
+    for (SharedWith& w : shared_with_) {
+        const Piece& theirs = told[std::size_t(w.rank)].at(std::size_t(s.rank()));
+        w.their_cells = theirs.out;
+        w.their_first = theirs.first;
+    }
+}
+
+/// Of one body that devices share: what cells sum up of its particles.
+template <class X, class T, int D>
+struct Domain<X, T, D>::CellsOfDevices final : CellPeers {
+    Domain& domain;
+    explicit CellsOfDevices(Domain& of) : domain(of) {}
+    void complete(double* cells, std::size_t width) override {
+        domain.swap_cells(reinterpret_cast<std::int64_t*>(cells), int(width));
+    }
+};
+
+/// Every rank has added what its own particles do to cells; they get the sums of all. Before a rank
+/// packs again all have met once more: to tell what came of it.
+template <class X, class T, int D>
+void Domain<X, T, D>::swap_cells(std::int64_t* cells, int columns) {
+    const std::int64_t count = std::int64_t(table_.slots) * block_cells,
+                       block = std::int64_t(columns) * block_cells,
+                       of_sums = std::int64_t(plan_.sum_channels) * block_cells;
+    exec_.for_each(std::int64_t(shared_slots_.size()) * block,
+                   PackCells{cells, count, columns, shared_slots_.data(), cells_out_.data()});
+    if (reaches()) {
+        meeting_->meet();
+    } else {
+        std::vector<Parcel> out, in;
+        for (SharedWith& w : shared_with_) {
+            const std::size_t bytes = std::size_t(w.numbers / of_sums * block) * 8;
+            w.their_cells = cells_in_.data();
+            w.their_first = w.first;
+            out.push_back({cells_out_.data() + w.first * block, bytes, w.rank});
+            in.push_back({cells_in_.data() + w.first * block, bytes, w.rank});
+        }
+        meeting_->swap(out, in);
+    }
+    for (const SharedWith& w : shared_with_)
+        exec_.for_each(w.numbers / of_sums * block,
+                       AddCells{cells, count, columns, shared_slots_.data() + w.first,
+                                w.their_cells + w.their_first * block});
 }
 
 /// The end of the sums of a step.

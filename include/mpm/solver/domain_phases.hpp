@@ -106,9 +106,18 @@ void Domain<X, T, D>::sweep_grid() {
     }
     int bits = 0;
     if constexpr (std::is_integral_v<Sum>) bits = X::template sum_bits<T>;
-    const SetSweepScale set_scale{clock, bits};
+    const SetSweepScale set_scale{clock, bits, tell_ranks()};
+    // Where all devices have told it is made.
+    const auto set_together = [&] {
+        if constexpr (X::is_device) {
+            if (!share_) return;
+            share_told(told_);
+            exec_.single(SetSweepScaleOfAll{set_scale, told_.data(), share_->ranks()});
+        }
+    };
     exec_.template max_each<maxima_count>(
         nodes, BeginSweep<Grid, Sum, D>{node_update(parity()), channels}, set_scale);
+    set_together();
     for (int k = 0; k < plan_.sweeps; ++k) {
         for (std::size_t b = 0; b < bodies_.size(); ++b) {
             if (bodies_[b].homes == 0) continue;
@@ -124,6 +133,7 @@ void Domain<X, T, D>::sweep_grid() {
             nodes,
             AdvanceSweep<Grid, Sum, D>{node_update(parity()), sums_[1 - parity()].data(), channels},
             set_scale);
+        set_together();
     }
 }
 
@@ -137,13 +147,12 @@ CellRoom Domain<X, T, D>::cell_room(const Body& body, PeersOfBody* peers) {
     return {cells_.data(), peers, table_.slots + staged[0], table_.slots + staged[1]};
 }
 
-/// Rates as the body assumes them, and its state smoothed. A call that adds energy is a fault.
+/// CPUs: rates as the body assumes them, and its state smoothed. A call that adds energy is a
+/// fault.
 template <class X, class T, int D>
 void Domain<X, T, D>::after_collect(Body& body, int number, const Phase<X, T, D>& phase) {
-    const CellNumbers& n = body.plan.cells;
-    if constexpr (X::is_device) {
-        if (n.smooths()) smooth_on_device(body, number, phase);
-    } else {
+    if constexpr (!X::is_device) {
+        const CellNumbers& n = body.plan.cells;
         Clock& clock = *clock_buffer_.data();
         if (clock.halt != Halt::none) return;
         PeersOfBody peers{*this, std::size_t(number)};
@@ -161,7 +170,7 @@ void Domain<X, T, D>::after_collect(Body& body, int number, const Phase<X, T, D>
     }
 }
 
-/// The same where nothing is asked between steps: what a call did waits on the device.
+/// Devices: the state smoothed, where nothing is asked between steps: what a call did waits there.
 template <class X, class T, int D>
 void Domain<X, T, D>::smooth_on_device(Body& body, int number, const Phase<X, T, D>& phase) {
     static_assert(SmoothingLog::size >= X::batch);
@@ -180,17 +189,29 @@ void Domain<X, T, D>::smooth_on_device(Body& body, int number, const Phase<X, T,
     task.count = std::int64_t(table_.slots) * block_cells;
     task.cells =
         CellColumns<D>::by_column(cell_room(body).cells, n.smoothing, n.components, task.count);
-    task.summed = CellColumns<D>::sums(n.smoothing, n.components) * task.count;
-    task.scale = CellScale::of(body.count);
+    task.summed = summed_columns(body);
+    task.scale = CellScale::of(body.count_of_all);
     task.between = spans_lie_between_nodes(body.plan.phase.kernel.kernel);
     task.energies = smoothing_energies_.data();
     task.beyond = &log->beyond;
-    smooth_cells<X, T, D>()(phase, task);
+    CellsOfDevices peers{*this};
+    smooth_cells<X, T, D>()(phase, task, share_ ? &peers : nullptr);
+    const TakeSmoothing take =
+        TakeSmoothing::of(clock_buffer_.data(), log, body.particle_mass, body.count_of_all,
+                          sizeof(T) == 4, n.smoothing, std::uint64_t(number), tell_ranks());
     exec_.template sum_each<smoothing_sums>(
-        SumSets{body.smoothing_set.data(), 1, parts}, AddSmoothing{task.energies},
-        TakeSmoothing::of(clock_buffer_.data(), log, body.particle_mass, body.count, sizeof(T) == 4,
-                          n.smoothing, std::uint64_t(number)),
+        SumSets{body.smoothing_set.data(), 1, parts}, AddSmoothing{task.energies}, take,
         smoothing_energies_.data() + std::size_t(body.homes) * smoothing_sums, 0, Nothing{});
+    if (!share_) return;
+    share_told(told_);
+    exec_.single(TakeSmoothingOfAll{take, told_.data(), share_->ranks(), fault_elsewhere});
+}
+
+/// Numbers that each cell, or node, sums up of a body on devices.
+template <class X, class T, int D>
+int Domain<X, T, D>::summed_columns(const Body& body) {
+    const CellNumbers& n = body.plan.cells;
+    return CellColumns<D>::sums(n.smoothing, n.components);
 }
 
 /// What calls did since the last look.
@@ -264,11 +285,15 @@ void Domain<X, T, D>::collect_bodies(const std::vector<std::size_t>& moving) {
                                          groups_.data(), int(plan_.groups.size())});
         for (std::size_t b : split) phase_ops_.collect(make(b));
     }
-    for (std::size_t b : moving) {
-        if (bodies_[b].plan.pipeline == Pipeline::phased && bodies_[b].rigid < 0) {
-            after_collect(bodies_[b], int(b), make(b));
-        } else if constexpr (X::is_device) {
-            if (bodies_[b].plan.cells.smooths()) smooth_on_device(bodies_[b], int(b), make(b));
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        Body& body = bodies_[b];
+        if constexpr (X::is_device) {
+            // A rank without its particles has a part in what cells sum up.
+            if (body.plan.cells.smooths() && (body.homes > 0 || share_))
+                smooth_on_device(body, int(b), make(b));
+        } else if (body.homes > 0 || meets_over_cells(body)) {
+            if (body.plan.pipeline == Pipeline::phased && body.rigid < 0)
+                after_collect(body, int(b), make(b));
         }
     }
 }

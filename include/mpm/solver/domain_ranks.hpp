@@ -257,7 +257,7 @@ void Domain<X, T, D>::end_of_sums(int parity, Added added) {
 
 /// Of one body that ranks share: what cells sum up of its particles.
 template <class X, class T, int D>
-struct Domain<X, T, D>::PeersOfBody final : CellPeers {
+struct Domain<X, T, D>::PeersOfBody final : StagedPeers {
     Domain& domain;
     std::size_t body;
 

@@ -73,6 +73,7 @@ void Domain<X, T, D>::list_homes(const Homes<Base>& homes) {
         Body& body = bodies_[b];
         const std::uint32_t count = homes.count[b];
         body.homes = body.full_homes = std::int32_t(count);
+        body.count_of_all = all[bodies + b];
         body.lone_count = 0;
         body.home.reserve_discard(count);
         const bool sparse = body.ops.lone && body.plan.pipeline == Pipeline::fused &&

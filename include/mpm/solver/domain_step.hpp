@@ -52,7 +52,7 @@ void Domain<X, T, D>::update_grid() {
         if (share_) {
             make_velocities(AfterGrid<D>::telling(
                 {clock_buffer_.data(), boxes_.data(), share_->rank(), int(boxes_.size())}));
-            share_votes();
+            share_told(votes_);
             exec_.single(DecideByVotes<D>{decide, clock_buffer_.data(), votes_.data(),
                                           share_->ranks(), sensors_.moments(sampling_)});
             return;

@@ -13,7 +13,7 @@
 namespace mpm {
 
 /// Refuses what is not built for several ranks, on devices or on the CPU.
-void check_ranks(const Spec& spec, bool devices);
+void check_ranks(const Spec& spec);
 /// Where ranks are processes there are as many.
 void check_processes(const Spec& spec);
 /// Refuses what is not built for ranks on devices, of which each needs one.

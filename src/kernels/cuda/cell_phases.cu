@@ -133,13 +133,13 @@ __global__ void __launch_bounds__(cell_threads)
 }
 
 template <class X, class T, int D>
-void smooth_body(const Phase<X, T, D>& phase, const CellTask<D>& task) {
+void smooth_body(const Phase<X, T, D>& phase, const CellTask<D>& task, CellPeers* peers) {
     const bool narrow = kernel_width(phase.n.kernel.kernel) == 3;
     const auto launch = [&](auto* kernel) {
         phase.pass.exec->launch(kernel, phase.pass.body.homes, 1, cell_threads, phase, task);
     };
     smooth_with_sums(
-        phase, task,
+        phase, task, peers,
         [&] {
             launch(!task.nodal() ? &add_cells_step<X, T, D>
                    : narrow      ? &add_nodes_step<3, X, T, D>

@@ -9,7 +9,7 @@
 
 namespace mpm {
 
-void check_ranks(const Spec& spec, bool devices) {
+void check_ranks(const Spec& spec) {
     const auto refuse = [](const std::string& what, const std::string& remedy) {
         throw SceneError(what + " is not built for several ranks; " + remedy);
     };
@@ -45,16 +45,6 @@ void check_ranks(const Spec& spec, bool devices) {
         if (s.kind == SensorKind::pin_force)
             refuse("sensor '" + s.name + "', the force on a pin,",
                    "take one rank, or leave it out");
-    // The scale of a sweep's integers is each device's own.
-    if (devices && (spec.transfer.scheme == "XPIC" || spec.transfer.scheme == "FMPM"))
-        refuse("transfer '" + spec.transfer.scheme + "' on devices",
-               "take one device, ranks on the CPU, or another transfer");
-    for (const BodySpec& body : spec.bodies) {
-        // Sums over cells are each device's own there.
-        if (devices && body.cell_smoothing.form != CellForm::none)
-            refuse("smoothing over cells of body '" + body.name + "' on devices",
-                   "take one device, or ranks on the CPU");
-    }
 }
 
 void check_processes(const Spec& spec) {

@@ -25,7 +25,7 @@ std::unique_ptr<Engine> make_built(const Spec& s, const Plan& plan,
 std::unique_ptr<Engine> make_cpu_engine(const Spec& spec, std::unique_ptr<RankThreads> ranks) {
     return make_merged(spec, [&](const Spec& s) {
         const Plan plan = make_plan(s, cpu_traits(s.precision));
-        if (ranks || (s.ranks.processes && s.ranks.count > 1)) check_ranks(s, false);
+        if (ranks || (s.ranks.processes && s.ranks.count > 1)) check_ranks(s);
         return make_built(s, plan, ranks);
     });
 }

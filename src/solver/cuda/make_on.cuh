@@ -14,7 +14,7 @@ template <class X, class T, int D>
 std::unique_ptr<Engine> make_in(const Spec& s, const Plan& plan) {
     if (s.ranks.count == 1)
         return make_domain<X, T, D>(s, plan, [&] { return X(s.device, s.shared_device); });
-    check_ranks(s, true);
+    check_ranks(s);
     check_devices(s);
     if (s.ranks.processes)
         return make_rank<X, T, D>(s, plan, s.ranks.processes,

@@ -5,13 +5,14 @@
 #include <gtest/gtest.h>
 
 #include "mpm/core/error.hpp"
+#include "support/ranks.hpp"
 #include "support/scene.hpp"
 #include "support/slow_engine.hpp"
 
 namespace mpm {
 namespace {
 
-using test::forever;
+using test::go;
 
 std::unique_ptr<Engine> on_device(const Spec& s) { return test::make_slow_engine(s); }
 
@@ -91,8 +92,6 @@ Spec thrown(int dimension, bool single, Kernel kernel, const SmoothingChoice& ch
     test::add_walls(s, Response::separable);
     return s;
 }
-
-RunResult go(Engine& e, std::int64_t steps) { return e.run(steps, forever, forever); }
 
 /// Root of mean squares of the pressures' differences, as a share of theirs.
 double apart(Engine& one, Engine& other, int body) {
@@ -201,6 +200,47 @@ TEST(CellSums, stand_before_the_fused_step_too) {
     }
 }
 
+/// Ranks of devices, where they reach each other's memory and where they do not.
+class CellsOfRanks : public ::testing::TestWithParam<std::tuple<Form, int, bool>> {};
+
+TEST_P(CellsOfRanks, have_the_bits_of_one) {
+    const auto [form, dimension, reach] = GetParam();
+    const Spec s = thrown(dimension, true, Kernel::quadratic, form.choice);
+    const int half = 30;
+    const auto one = on_device(s);
+    go(*one, half);
+    const State saved = one->save();
+    ASSERT_EQ(go(*one, half).reason, "steps");
+    ASSERT_GT(one->statistics().at("sorts"), 0) << "the scene must sort to mean anything";
+    const auto two = test::make_slow_engine(test::on_devices(s, 2, 0), reach);
+    go(*two, half);
+    go(*two, half);
+    EXPECT_GT(two->statistics().at("migrated"), 0);
+    test::expect_same_states(*two, *one, 2);
+    test::expect_same_smoothing(*two, *one, 2, 1e-11);
+    // At first some of them have none of the block's particles.
+    const auto four = test::make_slow_engine(test::on_devices(s, 4, RanksSpec::curve, 0), reach);
+    four->load(saved);
+    go(*four, half);
+    test::expect_same_states(*four, *one, 2);
+}
+
+std::string name_of_ranks(const ::testing::TestParamInfo<CellsOfRanks::ParamType>& i) {
+    return std::string(std::get<0>(i.param).name) + "_" + std::to_string(std::get<1>(i.param)) +
+           "D_" + (std::get<2>(i.param) ? "reached" : "sent");
+}
+const std::vector of_ranks = test::sanitized
+                                 ? std::vector{forms[2], forms[9]}
+                                 : std::vector{forms[0], forms[1], forms[2], forms[8], forms[9]};
+INSTANTIATE_TEST_SUITE_P(Plane, CellsOfRanks,
+                         ::testing::Combine(::testing::ValuesIn(of_ranks), ::testing::Values(2),
+                                            ::testing::Bool()),
+                         name_of_ranks);
+INSTANTIATE_TEST_SUITE_P(Solid, CellsOfRanks,
+                         ::testing::Combine(::testing::ValuesIn(some), ::testing::Values(3),
+                                            ::testing::Values(true)),
+                         name_of_ranks);
+
 TEST(CellScale, holds_all_particles_in_one_cell) {
     for (std::uint64_t n : {1ull, 7ull, 8ull, 8'000'001ull, (1ull << 32) - 1}) {
         const CellScale s = CellScale::of(n);
@@ -216,7 +256,7 @@ Clock taken(double before, double after, double particles, const SmoothingChoice
             SmoothingLog& log) {
     Clock clock{};
     const double sum[smoothing_sums] = {before, after};
-    TakeSmoothing::of(&clock, &log, 1.0, std::uint64_t(particles), true, choice, 3)(0, sum);
+    TakeSmoothing::of(&clock, &log, 1.0, std::uint64_t(particles), true, choice, 3, {})(0, sum);
     return clock;
 }
 
@@ -238,6 +278,42 @@ TEST(TakeSmoothing, lets_pass_what_rounding_adds_and_halts_at_more) {
     EXPECT_EQ(taken(1, 1, n, c0, log).fault, FaultKind::smoothing_range);
 }
 
+/// Energies of all count: one rank's may grow by what another's loses.
+TEST(TakeSmoothing, of_several_ranks_is_judged_together) {
+    const std::uint64_t n = 1000, elsewhere = 99;
+    RankTold told[2] = {{{4, 5}, 0}, {{6, 4}, 0}};
+    const auto judged = [&](bool own_beyond) {
+        Clock clock{};
+        SmoothingLog log;
+        if (own_beyond) log.beyond = fault_number(3, 17);
+        RankTold* boxes[] = {told};
+        const TakeSmoothing take = TakeSmoothing::of(&clock, &log, 1.0, n, true,
+                                                     only(CellForm::constant), 3, {boxes, 0, 1});
+        const double own[smoothing_sums] = {4, 5};
+        take(0, own);
+        EXPECT_EQ(log.calls, 0) << "nothing is recorded before all have told";
+        TakeSmoothingOfAll{take, told, 2, elsewhere}();
+        EXPECT_EQ(log.calls, 1);
+        EXPECT_EQ(log.call[0].before, 10);
+        EXPECT_EQ(log.call[0].change, -1);
+        return clock;
+    };
+    EXPECT_EQ(judged(false).halt, Halt::none);
+    EXPECT_EQ(judged(true).fault_particle, fault_number(3, 17));
+    told[1].beyond = 1;
+    const Clock other = judged(false);
+    EXPECT_EQ(other.fault, FaultKind::smoothing_range);
+    EXPECT_EQ(other.fault_particle, elsewhere);
+    told[1] = {{6, 7}, 0};
+    Clock clock{};
+    SmoothingLog log;
+    RankTold* boxes[] = {told};
+    const TakeSmoothing take =
+        TakeSmoothing::of(&clock, &log, 1.0, n, true, only(CellForm::constant), 3, {boxes, 0, 1});
+    TakeSmoothingOfAll{take, told, 2, elsewhere}();
+    EXPECT_EQ(clock.fault, FaultKind::smoothing);
+}
+
 TEST(CellSums, refuse_a_strain_that_they_cannot_hold) {
     Spec s = thrown(2, true, Kernel::quadratic, only(CellForm::constant));
     BodySpec& b = s.bodies[1];
@@ -247,13 +323,16 @@ TEST(CellSums, refuse_a_strain_that_they_cannot_hold) {
     std::vector<double> state(b.count * 3, 0.0);
     state[3 * 11 + 2] = 40;  // a shear
     b.state = rows_of(state, 3);
-    const auto engine = on_device(s);
-    const RunResult r = go(*engine, 5);
-    EXPECT_EQ(r.reason, "fault");
-    EXPECT_EQ(r.fault.code, "smoothing-range");
-    EXPECT_EQ(r.fault.body, "block");
-    EXPECT_EQ(r.fault.step, 0);
-    EXPECT_EQ(r.fault.ids, std::vector<std::uint64_t>{b.first_id + 11});
+    for (const int ranks : {1, 3}) {
+        const auto engine =
+            ranks == 1 ? on_device(s) : test::make_slow_engine(test::on_devices(s, ranks, 0));
+        const RunResult r = go(*engine, 5);
+        EXPECT_EQ(r.reason, "fault");
+        EXPECT_EQ(r.fault.code, "smoothing-range");
+        EXPECT_EQ(r.fault.body, "block");
+        EXPECT_EQ(r.fault.step, 0);
+        EXPECT_EQ(r.fault.ids, std::vector<std::uint64_t>{b.first_id + 11});
+    }
 }
 
 TEST(CellSums, what_is_not_built_for_devices_is_refused) {

@@ -81,6 +81,15 @@ TEST_P(RankDevices, have_the_bits_of_one_by_any_method) {
         },
         [](Spec& s) { s.kernel.kernel = Kernel::cubic; },
         [](Spec& s) {
+            s.transfer.scheme = "XPIC";
+            s.transfer.order = 2;
+        },
+        [](Spec& s) {
+            s.transfer.scheme = "FMPM";
+            s.transfer.order = 3;
+            s.bodies[0].smoothing = SmoothingForm::none;
+        },
+        [](Spec& s) {
             s.transfer.scheme = "PIC";
             s.kernel.kernel = Kernel::linear;
             s.kernel.gradient = GradientForm::shapes;
@@ -185,23 +194,6 @@ TEST_P(RankDevices, refuse_what_is_not_built) {
     Spec s = with_ranks(scene(), 2);
     s.ranks.devices.pop_back();
     EXPECT_THROW(make(s, way), SceneError);
-    Spec sweeps = with_ranks(scene(), 2);
-    sweeps.transfer.scheme = "FMPM";
-    sweeps.transfer.order = 2;
-    EXPECT_THROW(make(sweeps, way), SceneError);
-    Spec smooths = scene();
-    smooths.bodies[0].smoothing = SmoothingForm::none;
-    smooths.bodies[0].cell_smoothing.form = CellForm::constant;
-    smooths.bodies[0].smoothed_field = "volume";
-    try {
-        make(with_ranks(smooths, 2), way);
-        ADD_FAILURE() << "smoothing over cells is accepted";
-    } catch (const SceneError& e) {
-        const std::string text = e.what();
-        EXPECT_EQ(text.rfind("smoothing over cells of body 'water' on devices is not built", 0), 0u)
-            << text;
-    }
-    EXPECT_NO_THROW(check_ranks(with_ranks(smooths, 2), false));
 }
 
 TEST_P(RankDevices, go_on_from_a_state_after_one_that_is_refused) {

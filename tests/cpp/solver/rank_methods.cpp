@@ -16,6 +16,8 @@ namespace {
 
 using test::expect_same_particles;
 using test::expect_same_samples;
+using test::expect_same_smoothing;
+using test::expect_same_states;
 using test::forever;
 using test::go;
 using test::with_ranks;
@@ -92,35 +94,6 @@ struct Method {
 };
 std::ostream& operator<<(std::ostream& out, const Method& m) { return out << m.name; }
 
-/// What all particles store, by id.
-std::map<std::uint64_t, std::vector<double>> stored(Engine& e, int body) {
-    const Attributes a = e.attributes(body, {"state"});
-    const std::vector<double>& all = a.values.at("state").data;
-    const std::size_t width = all.size() / a.id.size();
-    std::map<std::uint64_t, std::vector<double>> out;
-    for (std::size_t k = 0; k < a.id.size(); ++k)
-        out[a.id[k]].assign(all.begin() + std::ptrdiff_t(k * width),
-                            all.begin() + std::ptrdiff_t((k + 1) * width));
-    return out;
-}
-void expect_same(Engine& many, Engine& one, int bodies) {
-    expect_same_particles(many, one, bodies);
-    for (int b = 0; b < bodies; ++b) EXPECT_TRUE(stored(many, b) == stored(one, b)) << b;
-}
-
-/// What smoothing over cells has done, to rounding: energies are sums of ranks.
-void expect_same_smoothing(Engine& many, Engine& one, int bodies, double share) {
-    for (int b = 0; b < bodies; ++b) {
-        const SmoothingHistory x = many.smoothing(b), y = one.smoothing(b);
-        ASSERT_EQ(x.rows.size(), y.rows.size()) << b;
-        for (std::size_t k = 0; k < x.rows.size(); ++k) {
-            EXPECT_EQ(x.rows[k].time, y.rows[k].time);
-            EXPECT_NEAR(x.rows[k].before, y.rows[k].before, share * y.rows[k].before);
-            EXPECT_NEAR(x.rows[k].change, y.rows[k].change, share * y.rows[k].before);
-        }
-    }
-}
-
 class RankMethods : public ::testing::TestWithParam<Method> {
 protected:
     Spec scene() {
@@ -148,7 +121,7 @@ TEST_P(RankMethods, have_the_bits_of_one) {
     go(*two, half);
     go(*two, half);
     EXPECT_GT(two->statistics().at("migrated"), 0);
-    expect_same(*two, *one, bodies);
+    expect_same_states(*two, *one, bodies);
     expect_same_samples(two->drain(), samples, planes, GetParam().single ? 1e-6 : 1e-11);
     expect_same_smoothing(*two, *one, bodies, 1e-11);
 
@@ -160,7 +133,7 @@ TEST_P(RankMethods, have_the_bits_of_one) {
                                       std::make_unique<test::UnrulyRanks>(4, 5));
     four->load(three->save());
     go(*four, half - half / 2);
-    expect_same(*four, *one, bodies);
+    expect_same_states(*four, *one, bodies);
 }
 
 void keeps(Spec& s, const char* scheme) {
@@ -404,7 +377,7 @@ TEST(RankMethodsFlow, inlets_and_outlets) {
         ASSERT_TRUE(came && went);
         const auto many = make_cpu_engine(with_ranks(s, 3, 0, 1.05));
         many->run(-1, 0.15, forever);
-        expect_same(*many, *one, 1);
+        expect_same_states(*many, *one, 1);
     }
 }
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -80,6 +81,36 @@ inline void expect_same_particles(Engine& many, Engine& one, int bodies) {
         ASSERT_EQ(many.attributes(b, {"mass"}).id.size(), x.size()) << "an id is there twice";
         ASSERT_EQ(many.particle_count(b), one.particle_count(b));
         EXPECT_TRUE(x == y) << "body " << b;
+    }
+}
+
+/// What all particles store, by id.
+inline std::map<std::uint64_t, std::vector<double>> stored_by_id(Engine& e, int body) {
+    const Attributes a = e.attributes(body, {"state"});
+    const std::vector<double>& all = a.values.at("state").data;
+    const std::size_t width = all.size() / a.id.size();
+    std::map<std::uint64_t, std::vector<double>> out;
+    for (std::size_t k = 0; k < a.id.size(); ++k)
+        out[a.id[k]].assign(all.begin() + std::ptrdiff_t(k * width),
+                            all.begin() + std::ptrdiff_t((k + 1) * width));
+    return out;
+}
+inline void expect_same_states(Engine& many, Engine& one, int bodies) {
+    expect_same_particles(many, one, bodies);
+    for (int b = 0; b < bodies; ++b)
+        EXPECT_TRUE(stored_by_id(many, b) == stored_by_id(one, b)) << b;
+}
+
+/// What smoothing over cells has done, to rounding: energies are sums of ranks.
+inline void expect_same_smoothing(Engine& many, Engine& one, int bodies, double share) {
+    for (int b = 0; b < bodies; ++b) {
+        const SmoothingHistory x = many.smoothing(b), y = one.smoothing(b);
+        ASSERT_EQ(x.rows.size(), y.rows.size()) << b;
+        for (std::size_t k = 0; k < x.rows.size(); ++k) {
+            EXPECT_EQ(x.rows[k].time, y.rows[k].time);
+            EXPECT_NEAR(x.rows[k].before, y.rows[k].before, share * y.rows[k].before);
+            EXPECT_NEAR(x.rows[k].change, y.rows[k].change, share * y.rows[k].before);
+        }
     }
 }
 

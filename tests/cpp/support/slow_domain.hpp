@@ -38,7 +38,7 @@ std::unique_ptr<Engine> make_slow(const Spec& s, bool reaches) {
     traits.precision = Precision::single;
     const Plan plan = make_plan(s, traits);
     if (s.ranks.count == 1) return std::make_unique<Slow>(s, plan, SlowDevice(), slow_ops_of<D>);
-    check_ranks(s, true);
+    check_ranks(s);
     check_devices(s);
     auto threads = std::make_unique<RankThreads>(s.ranks.count);
     std::vector<std::unique_ptr<Engine>> engines(std::size_t(s.ranks.count));

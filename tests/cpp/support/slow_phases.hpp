@@ -59,9 +59,11 @@ void spread_slowly(const SlowPhase<D>& phase) {
             const auto kind = spread_channel<D>(phase.n, phase.part, channel).kind;
             const double scale =
                 pass.body.particle_mass *
-                pass.clock->scale_write[kind == SpreadChannel::mass      ? mass_sum
-                                        : kind == SpreadChannel::average ? group_sum
-                                                                         : momentum_sum];
+                (phase.part == Part::vectors
+                     ? pass.clock->sweep_scale
+                     : pass.clock->scale_write[kind == SpreadChannel::mass      ? mass_sum
+                                               : kind == SpreadChannel::average ? group_sum
+                                                                                : momentum_sum]);
             const auto x = std::int32_t(std::lrint(amount * float(scale)));
             std::int32_t* sums =
                 g.sums + std::int64_t(neighbours[place >> 8]) * g.sum_channels * block_cells +
@@ -95,7 +97,7 @@ void add_at(const CellTask<D>& task, int column, std::int64_t c, std::int64_t x)
 }
 
 template <int W, int D>
-void smooth_slowly(const SlowPhase<D>& phase, const CellTask<D>& task) {
+void smooth_slowly(const SlowPhase<D>& phase, const CellTask<D>& task, CellPeers* peers) {
     const std::int32_t* neighbours = phase.pass.grid.table.neighbours;
     const auto add = [&] {
         if (idle(phase)) return;
@@ -131,7 +133,7 @@ void smooth_slowly(const SlowPhase<D>& phase, const CellTask<D>& task) {
                     task.energies[h * smoothing_sums + k] += sum[k];
             });
     };
-    smooth_with_sums(phase, task, add, value);
+    smooth_with_sums(phase, task, peers, add, value);
 }
 
 /// The largest deposit, and who is no longer sound.
@@ -195,9 +197,9 @@ inline PhaseOps<SlowDevice, float, 3> phase_ops<SlowDevice, float, 3>() {
 }
 template <int D>
 SmoothCells<SlowDevice, float, D> smooth_slowly() {
-    return [](const test::SlowPhase<D>& p, const CellTask<D>& task) {
-        kernel_width(p.n.kernel.kernel) == 3 ? test::smooth_slowly<3>(p, task)
-                                             : test::smooth_slowly<5>(p, task);
+    return [](const test::SlowPhase<D>& p, const CellTask<D>& task, CellPeers* peers) {
+        kernel_width(p.n.kernel.kernel) == 3 ? test::smooth_slowly<3>(p, task, peers)
+                                             : test::smooth_slowly<5>(p, task, peers);
     };
 }
 template <>
