@@ -11,6 +11,7 @@ import pytest
 
 import libmpm
 from libmpm import Scene, SceneError, boundaries, materials, sensors, shapes
+from libmpm._src.output.checkpoint import load_checkpoint, save_checkpoint
 from libmpm.grids import Pin, Traction
 from support import element_cases as cases
 from support.element_load_cases import ramp
@@ -126,33 +127,58 @@ def test_a_pin_takes_a_load_at_the_other_end() -> None:
 
 
 def test_bits_of_pins(tmp_path: Path) -> None:
-    """Threads, a resumed run and ranks have the same, sensors of one rank too."""
-
-    def scene(sensor: bool) -> Scene:
-        pins = (Pin(face="x-"), Pin(face="x+", motion=moved(0.01, [0.01, 0.005])))
-        made = bar(2, pins, gravity=(0.0, -9.81))
-        if sensor:
-            made.add_sensor(name="pin", sensor=sensors.PinForce(body="bar", interval=7e-4))
-        return made
-
-    one = libmpm.Simulation(scene(True), **FAST, threads=1)
+    """Threads, ranks and runs that are resumed on either have the same, sensors too."""
+    pins = (Pin(face="x-"), Pin(face="x+", motion=moved(0.01, [0.01, 0.005])))
+    scene = bar(2, pins, gravity=(0.0, -9.81))
+    for k in (0, 1):
+        sensor = sensors.PinForce(body="bar", pin=k, interval=7e-4)
+        scene.add_sensor(name=f"pin {k}", sensor=sensor)
+    one = libmpm.Simulation(scene, **FAST, threads=1)
     one.step(120)
-    two = libmpm.Simulation(scene(True), **FAST, threads=2)
+    two = libmpm.Simulation(scene, **FAST, threads=2)
     two.step(71)
     two.save_checkpoint(tmp_path / "middle")
     two = libmpm.Simulation.resume(tmp_path / "middle")
     two.step(49)
+    # Both pins' vertices are shared between ranks.
+    flat = libmpm.Partition(cuts="y", rebalance_above=None)
+    ranks = libmpm.Simulation(scene, device=["cpu"] * 2, precision="double", partition=flat)
+    ranks.step(71)
+    ranks.save_checkpoint(tmp_path / "ranks")
+    ranks.step(49)
+    again = libmpm.Simulation.resume(tmp_path / "ranks", device=["cpu"] * 3, partition=None)
+    again.step(49)
+    alone = libmpm.Simulation.resume(tmp_path / "ranks", device="cpu")
+    alone.step(49)
     expected = cases.state_of(one)
-    for key, array in cases.state_of(two).items():
-        np.testing.assert_array_equal(array, expected[key])
-    for component in ("force_x", "force_y"):
-        np.testing.assert_array_equal(two.sensors["pin"][component], one.sensors["pin"][component])
-    ranks = libmpm.Simulation(scene(False), device=["cpu"] * 3, precision="double")
-    ranks.step(120)
-    for key, array in cases.state_of(ranks).items():
-        np.testing.assert_array_equal(array, expected[key])
-    with pytest.raises(libmpm.Error, match="sensor 'pin', the force on a pin, is not built for"):
-        libmpm.Simulation(scene(True), device=["cpu"] * 2).step(1)
+    for sim in (two, ranks, again, alone):
+        for key, array in cases.state_of(sim).items():
+            np.testing.assert_array_equal(array, expected[key])
+        for name in one.sensors:
+            late = one.sensors[name].values[-len(sim.sensors[name].values) :]
+            assert np.nanmax(np.abs(late)) > 0
+            np.testing.assert_array_equal(sim.sensors[name].values, late)
+
+
+def test_a_state_of_an_earlier_version_goes_on_on_one_rank(tmp_path: Path) -> None:
+    """Its pins were among what rigid bodies were told: one number an axis, to rounding."""
+    scene = bar(2, (Pin(face="x-"),), gravity=(0.0, -9.81))
+    scene.add_sensor(name="pin", sensor=sensors.PinForce(body="bar", interval=7e-4))
+    one = libmpm.Simulation(scene, **FAST)
+    one.step(71)
+    one.save_checkpoint(tmp_path / "now")
+    saved = load_checkpoint(tmp_path / "now")
+    whole = np.asarray(saved.state.pop("pin_impulse")).reshape(2, 3).sum(axis=1)
+    saved.state["rigid_told"] = np.array([*whole, np.nan])
+    save_checkpoint(tmp_path / "earlier", saved)
+    again = libmpm.Simulation.resume(tmp_path / "earlier")
+    for sim in (one, again):
+        sim.step(49)
+    series = again.sensors["pin"].values
+    late = one.sensors["pin"].values[-len(series) :]
+    assert series == pytest.approx(late, rel=1e-12, nan_ok=True)
+    with pytest.raises(libmpm.Error, match="the force on a pin on one rank; expected one rank"):
+        libmpm.Simulation.resume(tmp_path / "earlier", device=["cpu"] * 2).step(1)
 
 
 def test_pins_cost_nothing_where_there_are_none() -> None:

@@ -2,6 +2,7 @@
 // (design/elements.md). One vertex each, on every backend.
 #pragma once
 
+#include "mpm/core/exact.hpp"
 #include "mpm/data/time_table.hpp"
 #include "mpm/kernels/elements.hpp"
 #include "mpm/kernels/sampling.hpp"
@@ -36,6 +37,7 @@ struct PinsView {
     const double* mass;         // kg
     const TimeTableView* goal;  // of each pin, its displacement in m; without rows: none
     double* push;               // (count, D): momentum that its pin gives it, kg m/s
+    const std::uint8_t* mine;   // of several ranks: whether it is this one's; null: all are
 };
 
 /// Before the first step: pinned vertices begin at rest, whatever velocity their body has.
@@ -117,27 +119,30 @@ struct BearPull {
     }
 };
 
-/// Adds what one pin has pushed, along an axis, vertex by vertex in their order.
+/// Adds what one pin has pushed, along an axis: exactly, so that ranks may share its vertices.
 template <int D>
 struct TellPin {
     const Clock* clock;
-    const double* push;  // of the pin's first vertex
-    std::int64_t count;
-    double* told;  // (D,)
+    PinsView pins;
+    std::int64_t first, count;  // its vertices
+    double scale;               // of exact sums
+    Int128* told;               // (D,)
     MPM_INLINE void operator()(std::int64_t a) const {
         if (clock->halt != Halt::none) return;
-        double sum = told[a];
-        for (std::int64_t k = 0; k < count; ++k) sum += push[k * D + a];
+        Int128 sum = told[a];
+        for (std::int64_t k = first; k < first + count; ++k)
+            if (!pins.mine || pins.mine[k]) sum += exact(pins.push[k * D + a], scale);
         told[a] = sum;
     }
 };
 
-/// The mean force of a body on its pin since the sample before.
+/// The mean force of a body on its pin since the sample before, as a `MeanRow`.
 template <int D>
 struct SamplePin {
     const Clock* clock;
     SensorRecord* record;
-    double* told;
+    double scale;
+    Int128* told;
     MPM_INLINE void operator()() const {
         SensorRecord& r = *record;
         if (!r.due) return;
@@ -145,9 +150,11 @@ struct SamplePin {
         const bool known = r.last_time >= 0 && elapsed > 0;
         double* row = open_row(r, clock->time);
         for (int a = 0; a < D; ++a) {
-            row[a] = known ? -told[a] / elapsed : nan("");
+            to_pieces(-told[a], row + a * exact_pieces);
+            row[MeanRow<D>::scales + a] = scale;
             told[a] = 0;
         }
+        row[MeanRow<D>::elapsed] = known ? elapsed : nan("");
         r.last_time = clock->time;
     }
 };

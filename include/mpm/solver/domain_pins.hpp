@@ -50,9 +50,9 @@ void Domain<X, T, D>::tell_pins(Body& body, int number) {
         if (s.spec.kind != SensorKind::pin_force || s.spec.body != number) continue;
         std::size_t first = 0;
         for (int p = 0; p < s.spec.pin; ++p) first += pins[std::size_t(p)].vertices.size();
-        exec_.for_each(D, TellPin<D>{clock_buffer_.data(), body.mesh->pins().push + first * D,
+        exec_.for_each(D, TellPin<D>{clock_buffer_.data(), body.mesh->pins(), std::int64_t(first),
                                      std::int64_t(pins[std::size_t(s.spec.pin)].vertices.size()),
-                                     s.pin_told.data()});
+                                     sensors_.scales().impulse, s.pin_told.data()});
     }
 }
 

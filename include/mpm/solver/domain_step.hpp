@@ -132,7 +132,7 @@ void Domain<X, T, D>::run_sensors() {
         }
         if (s.spec.kind == SensorKind::energy) sample_energy(s, record);
         if (s.spec.kind == SensorKind::pin_force)
-            exec_.single(SamplePin<D>{clock, record, s.pin_told.data()});
+            exec_.single(SamplePin<D>{clock, record, sensors_.scales().impulse, s.pin_told.data()});
         if constexpr (!X::is_device) {
             if (s.spec.kind == SensorKind::rigid_motion) sample_rigid(s, *record);
         }

@@ -88,6 +88,7 @@ public:
           pinned_vertex_(exec),
           pin_(exec),
           held_(exec),
+          pinned_mine_(exec),
           pinned_mass_(exec),
           push_(exec),
           goal_(exec),
@@ -231,8 +232,14 @@ public:
     const std::vector<TimeTableView>& goals() const { return goals_; }
     bool has_pins() const { return pinned_.size() > 0; }
     PinsView pins() const {
-        return {std::int64_t(pin_.size()), pinned_.data(), pinned_vertex_.data(), pin_.data(),
-                pinned_mass_.data(),       goal_.data(),   push_.data()};
+        return {std::int64_t(pin_.size()),
+                pinned_.data(),
+                pinned_vertex_.data(),
+                pin_.data(),
+                pinned_mass_.data(),
+                goal_.data(),
+                push_.data(),
+                share_ ? pinned_mine_.data() : nullptr};
     }
     void pin(const std::vector<PinSpec>& pins) {
         if (pins.empty()) return;
@@ -336,6 +343,10 @@ public:
         pushed_.assign(share->pushed);
         measured_.assign(share->measured);
         pressed_.assign(share->pressed);
+        std::vector<std::uint8_t> mine;
+        for (const std::uint32_t vertex : pinned_vertex_.host())
+            mine.push_back(share->owner[vertex] == rank);
+        pinned_mine_.assign(mine);
         share_ = std::move(share);
     }
     /// Whether what counts each element once counts it on this rank.
@@ -361,10 +372,10 @@ public:
                grown_.bytes() + kept_.bytes() + start_stress_.bytes() + rest_offset_.bytes() +
                beyond_.bytes() + moved_.bytes() + vertex_volume_.bytes() + vertex_change_.bytes() +
                pressure_.bytes() + load_.bytes() + vertex_push_.bytes() + pinned_.bytes() +
-               held_.bytes() + pinned_vertex_.bytes() + pin_.bytes() + pinned_mass_.bytes() +
-               push_.bytes() + goal_.bytes() + swap_.bytes() + inverted_.bytes() + energy_.bytes() +
-               pushed_.bytes() + measured_.bytes() + pressed_.bytes() +
-               (share_ ? share_->bytes() : 0);
+               held_.bytes() + pinned_mine_.bytes() + pinned_vertex_.bytes() + pin_.bytes() +
+               pinned_mass_.bytes() + push_.bytes() + goal_.bytes() + swap_.bytes() +
+               inverted_.bytes() + energy_.bytes() + pushed_.bytes() + measured_.bytes() +
+               pressed_.bytes() + (share_ ? share_->bytes() : 0);
     }
 
 private:
@@ -383,7 +394,7 @@ private:
     Buffer<X, std::int32_t> pinned_;
     Buffer<X, std::uint32_t> pinned_vertex_;
     Buffer<X, std::int32_t> pin_;
-    Buffer<X, std::uint8_t> held_;
+    Buffer<X, std::uint8_t> held_, pinned_mine_;
     Buffer<X, double> pinned_mass_, push_;
     Buffer<X, TimeTableView> goal_;
     TimeTables<ExecutorBase<X>> tables_;

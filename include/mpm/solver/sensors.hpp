@@ -35,7 +35,7 @@ struct Sensor {
     Buffer<X, SumSet> set;
     std::int64_t homes = -1;     // that `set` and `partial` are for
     std::vector<double> told;    // of a rigid body: its impulses at the sample before
-    Buffer<X, double> pin_told;  // of a pin: its impulse since then
+    Buffer<X, Int128> pin_told;  // of a pin: its impulse since then
     Samples drained;
     explicit Sensor(X& x)
         : times(x), values(x), first(x), ids(x), columns(x), partial(x), set(x), pin_told(x) {}
@@ -115,9 +115,6 @@ private:
     static bool of_a_moment(SensorKind kind) {
         return kind != SensorKind::load_cell && kind != SensorKind::contact_load;
     }
-    static bool keeps_told(SensorKind kind) {
-        return kind == SensorKind::rigid_motion || kind == SensorKind::pin_force;
-    }
     static constexpr std::size_t rigid_loads = D == 2 ? 3 : 6;  // forces, then moments
     double load_scale(int column) const { return column < D ? scales_.impulse : scales_.moment; }
     double contact_scale(int column) const {
@@ -126,8 +123,10 @@ private:
     std::vector<std::uint64_t> blocks_of(const BlockKeys<D>& keys_of,
                                          const std::vector<PointRecord<D>>& points) const;
     /// Impulses since the last sample: three numbers that add up to each.
-    Blob saved_impulse(const Buffer<X, Int128>& sums, int columns,
-                       double (Sensors::*scale)(int) const) const;
+    std::vector<double> in_pieces(const Buffer<X, Int128>& sums, int columns,
+                                  double (Sensors::*scale)(int) const) const;
+    std::vector<Int128> from_pieces(std::vector<double>::const_iterator from, int pieces) const;
+    void load_told(const State& state);
     void take_impulse(const std::vector<double>& saved, std::size_t known, SensorKind kind,
                       int columns, double (Sensors::*scale)(int) const,
                       Buffer<X, Int128>& to) const;
@@ -178,7 +177,7 @@ Sensors<X, D>::Sensors(X& exec, const Spec& spec, const Plan& plan)
         sensor.times.assign(std::vector<double>(capacity, 0.0));
         sensor.values.assign(std::vector<double>(capacity * columns, 0.0));
         sensor.drained.values.shape = {0, columns};
-        if (s.kind == SensorKind::pin_force) sensor.pin_told.assign(std::vector<double>(D, 0.0));
+        if (s.kind == SensorKind::pin_force) sensor.pin_told.assign(std::vector<Int128>(D, 0));
         if (s.kind == SensorKind::load_cell) {
             LoadCellRecord<D> r{};
             r.sensor = int(sensors_.size()) - 1;
@@ -394,18 +393,24 @@ void Sensors<X, D>::save(State& state) const {
         last.push_back(records[k].last_time);
         first.push_back(sensors_[k].first.host()[0]);
     }
-    state["load_impulse"] = saved_impulse(load_impulse_, load_columns<D>, &Sensors::load_scale);
-    std::vector<double> told;
+    state["load_impulse"] =
+        detail::to_blob(in_pieces(load_impulse_, load_columns<D>, &Sensors::load_scale));
+    std::vector<double> told, pins;
     for (const auto& s : sensors_) {
-        if (!keeps_told(s.spec.kind)) continue;
-        auto own = s.spec.kind == SensorKind::pin_force ? s.pin_told.host() : s.told;
+        if (s.spec.kind == SensorKind::pin_force) {
+            const auto own = in_pieces(s.pin_told, D, &Sensors::load_scale);
+            pins.insert(pins.end(), own.begin(), own.end());
+        }
+        if (s.spec.kind != SensorKind::rigid_motion) continue;
+        auto own = s.told;
         own.resize(rigid_loads, std::numeric_limits<double>::quiet_NaN());
         told.insert(told.end(), own.begin(), own.end());
     }
     if (!told.empty()) state["rigid_told"] = detail::to_blob(told);
+    if (!pins.empty()) state["pin_impulse"] = detail::to_blob(pins);
     if (contact_count() > 0)
-        state["contact_impulse"] =
-            saved_impulse(contact_impulse_, contact_columns<D>, &Sensors::contact_scale);
+        state["contact_impulse"] = detail::to_blob(
+            in_pieces(contact_impulse_, contact_columns<D>, &Sensors::contact_scale));
     state["sensor_next"] = detail::to_blob(next);
     state["sensor_last"] = detail::to_blob(last);
     state["sensor_first"] = detail::to_blob(first);
@@ -417,24 +422,7 @@ void Sensors<X, D>::load(const State& state, const Clock& clock) {
             detail::from_blob<double>(state, "sensor_last"),
             detail::from_blob<double>(state, "sensor_first"),
             detail::from_blob<double>(state, "load_impulse"), clock);
-    if (state.contains("rigid_told")) {
-        const auto told = detail::from_blob<double>(state, "rigid_told");
-        auto from = told.begin();
-        for (auto& s : sensors_) {
-            if (!keeps_told(s.spec.kind)) continue;
-            if (told.end() - from < std::ptrdiff_t(rigid_loads)) break;
-            if (s.spec.kind == SensorKind::pin_force) {
-                // Not-a-number where a run was saved before its first step.
-                const bool none = std::isnan(*from);
-                s.pin_told.assign(none ? std::vector<double>(D, 0.0)
-                                       : std::vector<double>(from, from + D));
-            } else {
-                s.told.assign(from, from + std::ptrdiff_t(rigid_loads));
-                if (std::isnan(s.told[0])) s.told.clear();
-            }
-            from += std::ptrdiff_t(rigid_loads);
-        }
-    }
+    load_told(state);
     if (contact_count() == 0) return;
     std::vector<double> impulse;
     if (state.contains("contact_impulse"))
@@ -444,9 +432,49 @@ void Sensors<X, D>::load(const State& state, const Clock& clock) {
                  &Sensors::contact_scale, contact_impulse_);
 }
 
+/// What rigid bodies were told, and pins. Earlier versions have one number each of pins, among
+/// those of rigid bodies.
 template <class X, int D>
-Blob Sensors<X, D>::saved_impulse(const Buffer<X, Int128>& sums, int columns,
-                                  double (Sensors::*scale)(int) const) const {
+void Sensors<X, D>::load_told(const State& state) {
+    std::vector<double> told, pins;
+    if (state.contains("rigid_told")) told = detail::from_blob<double>(state, "rigid_told");
+    const bool apart = state.contains("pin_impulse");
+    if (apart) pins = detail::from_blob<double>(state, "pin_impulse");
+    constexpr std::ptrdiff_t of_rigid = rigid_loads, of_pin = D * exact_pieces;
+    auto from = told.cbegin();
+    auto pin = pins.cbegin();
+    for (auto& s : sensors_) {
+        const bool pinned = s.spec.kind == SensorKind::pin_force;
+        if (pinned && apart) {
+            if (pins.cend() - pin < of_pin) continue;  // of a sensor that is new
+            s.pin_told.assign(from_pieces(pin, exact_pieces));
+            pin += of_pin;
+        } else if (pinned || s.spec.kind == SensorKind::rigid_motion) {
+            if (told.cend() - from < of_rigid) break;
+            if (!pinned) {
+                s.told.assign(from, from + of_rigid);
+                if (std::isnan(s.told[0])) s.told.clear();
+            } else if (!std::isnan(*from)) {
+                s.pin_told.assign(from_pieces(from, 1));
+            }
+            from += of_rigid;
+        }
+    }
+}
+
+/// The impulse of a pin, of so many numbers each component.
+template <class X, int D>
+std::vector<Int128> Sensors<X, D>::from_pieces(std::vector<double>::const_iterator from,
+                                               int pieces) const {
+    std::vector<Int128> sum(D, 0);
+    for (int k = 0; k < D * pieces; ++k)
+        sum[std::size_t(k / pieces)] += exact(from[k], load_scale(k / pieces));
+    return sum;
+}
+
+template <class X, int D>
+std::vector<double> Sensors<X, D>::in_pieces(const Buffer<X, Int128>& sums, int columns,
+                                             double (Sensors::*scale)(int) const) const {
     std::vector<double> out;
     const auto all = sums.host();
     for (std::size_t k = 0; k < all.size(); ++k) {
@@ -455,7 +483,7 @@ Blob Sensors<X, D>::saved_impulse(const Buffer<X, Int128>& sums, int columns,
         for (int j = 0; j < exact_pieces; ++j)
             out.push_back(std::ldexp(pieces[j], j * piece_bits) / (this->*scale)(int(k) % columns));
     }
-    return detail::to_blob(out);
+    return out;
 }
 
 template <class X, int D>

@@ -266,7 +266,7 @@ State join_states(const std::vector<State>& ranks, std::size_t bodies) {
             clock.deposited[q] = std::max(clock.deposited[q], other.deposited[q]);
     }
     save_clock(all, clock);
-    for (const char* name : {"load_impulse", "contact_impulse", "sensor_first"}) {
+    for (const char* name : {"load_impulse", "contact_impulse", "pin_impulse", "sensor_first"}) {
         if (!all.contains(name)) continue;
         auto sum = detail::from_blob<double>(all, name);
         for (std::size_t r = 1; r < ranks.size(); ++r) {

@@ -98,7 +98,8 @@ void PartCheck::operator()(const State& theirs, const State& mine) const {
     if (theirs.size() != mine.size())
         refuse("with " + std::to_string(theirs.size()) + " entries in place of " +
                std::to_string(mine.size()));
-    for (const char* name : {"load_impulse", "contact_impulse", "sensor_first", "sum_channels"})
+    for (const char* name :
+         {"load_impulse", "contact_impulse", "pin_impulse", "sensor_first", "sum_channels"})
         if (mine.contains(name) && theirs.at(name).shape != mine.at(name).shape)
             refuse("whose '" + std::string(name) + "' has another size");
     if (theirs.at("sum_channels").bytes != mine.at("sum_channels").bytes) refuse("with other sums");

@@ -301,7 +301,8 @@ State share_of_state(const State& all, std::size_t bodies, const BlockPartition<
         Clock clock = saved_clock(all);
         clock.strays = 0;
         save_clock(s, clock);
-        for (const char* name : {"load_impulse", "contact_impulse", "sensor_first"}) {
+        for (const char* name :
+             {"load_impulse", "contact_impulse", "pin_impulse", "sensor_first"}) {
             if (!all.contains(name)) continue;
             auto values = detail::from_blob<double>(all, name);
             detail::first_ranks_alone(values);

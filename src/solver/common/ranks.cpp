@@ -41,10 +41,6 @@ void check_ranks(const Spec& spec) {
         if (b.law[0].linear && (b.surface.path.given() || b.surface.turn.given()))
             refuse("linear cells beside the moving surface '" + b.name + "'",
                    "take one rank, or cell=\"held\" for it");
-    for (const SensorSpec& s : spec.sensors)
-        if (s.kind == SensorKind::pin_force)
-            refuse("sensor '" + s.name + "', the force on a pin,",
-                   "take one rank, or leave it out");
 }
 
 void check_processes(const Spec& spec) {

@@ -17,6 +17,7 @@ void of_means(SensorKind kind, int dimension, const F& f) {
         dimension == 2 ? f(MeanRow<load_columns<2>>{}) : f(MeanRow<load_columns<3>>{});
     if (kind == SensorKind::contact_load)
         dimension == 2 ? f(MeanRow<contact_columns<2>>{}) : f(MeanRow<contact_columns<3>>{});
+    if (kind == SensorKind::pin_force) dimension == 2 ? f(MeanRow<2>{}) : f(MeanRow<3>{});
 }
 
 std::size_t width_of(const Samples& of) {

@@ -342,11 +342,12 @@ private:
             throw SceneError("the saved state has other sensors than this scene");
         const auto last = state_.numbers("sensor_last", n, std::numeric_limits<double>::max());
         const auto first = state_.list<double>("sensor_first", n);
-        std::size_t loads = 0, contacts = 0;
+        std::size_t loads = 0, contacts = 0, pins = 0;
         const double now = clock_.time * (1 + 1e-12);
         for (std::size_t k = 0; k < n; ++k) {
             loads += spec_.sensors[k].kind == SensorKind::load_cell;
             contacts += spec_.sensors[k].kind == SensorKind::contact_load;
+            pins += spec_.sensors[k].kind == SensorKind::pin_force;
             const double interval = spec_.sensors[k].interval;
             // The next sample is at most one interval ahead, and was not due a step ago.
             const bool fits = interval <= 0 ? next[k] <= clock_.step + 1
@@ -366,6 +367,12 @@ private:
         }
         impulses("load_impulse", loads * std::size_t(load_columns<D>));
         if (contacts > 0) impulses("contact_impulse", contacts * std::size_t(contact_columns<D>));
+        // Earlier versions had pins among what rigid bodies were told, on one rank.
+        if (pins > 0 && state_.has("pin_impulse")) impulses("pin_impulse", pins * D);
+        if (pins > 0 && !state_.has("pin_impulse") && spec_.ranks.count > 1)
+            throw SceneError(
+                "the saved state is of an earlier version, which had the force on a pin on one "
+                "rank; expected one rank; resume it so, and save it anew");
     }
     /// Three numbers that add up to each; earlier versions saved one.
     void impulses(const char* name, std::size_t count) const {

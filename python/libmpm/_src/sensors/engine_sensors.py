@@ -269,7 +269,7 @@ class PinForce(Sensor):
 
     Components force_x, ...: the mean since the sample before, of the momentum by which the pinned
     vertices differ from what they would have kept; 0 along axes that the pin leaves free, NaN in
-    the first sample. On one rank. Raises `SceneError`.
+    the first sample. Raises `SceneError`.
     """
 
     label: ClassVar[str] = "sensors.PinForce"
