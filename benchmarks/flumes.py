@@ -86,16 +86,19 @@ def levels_at_end(sim: libmpm.Simulation) -> dict[str, float]:
 
 
 def loads_so_far(flume: flumes.Facility, sim: libmpm.Simulation) -> dict[str, dict[str, float]]:
-    """Return of each load the largest mean of 0.1 s, N, its time, s, and the impulse, N s.
+    """Return of each load the largest mean of 0.1 s, N, and the impulse, N s.
 
-    Times are the laboratory's, from 30 s or where the run begins on to its end.
+    Times are the laboratory's, from where the facility's rows of it begin on to the run's end.
     """
     known = flume.instruments()
     signals = criteria.Signals(sim.sensors, flume.clock, known)
     found = {}
     for one in known:
-        if one.kind == "load" and one.name in signals:
-            window = (max(30.0, signals.begin(one.name)), signals.end(one.name))
+        begins = [c.window[0] for c in flume.criteria() if one.name in c.needs]
+        if one.kind != "load" or one.name not in signals or not begins:
+            continue
+        window = (max(min(begins), signals.begin(one.name)), signals.end(one.name))
+        if window[1] > window[0]:
             found[one.name] = {
                 "from": round(window[0], 3), "to": round(window[1], 3),
                 "peak_N": criteria.peak_load(one.name, window)(signals),
@@ -135,6 +138,8 @@ def main() -> int:
     parser.add_argument("--output", type=Path, default=RESULTS)
     parser.add_argument("--figures", type=Path, help="folder for the figure and the table")
     given = parser.parse_args()
+    if given.near is None and (given.trunk, given.begin, given.lower) != (False, None, None):
+        parser.error("--begin, --lower and --trunk are of a near field; expected --near FOLDER")
     changes = {"cell_size": given.cell_size, "debris": given.debris}
     changes = {k: v for k, v in changes.items() if v is not None}
     changes |= dict(_setting(text) for text in given.sets)
@@ -162,6 +167,9 @@ def main() -> int:
         last = flume.until
         if given.until is not None:
             last = min(last, given.until - flume.clock)
+        if not sim.time < last:
+            parser.error(f"--until is {given.until:g} s; expected a time after the run begins, "
+                         f"{sim.time + flume.clock:g} s of the laboratory")  # fmt: skip
         failed, begun = "", time.monotonic()
         particles = sum(len(sim.particles[b.name]) for b in scene.bodies)
         try:
@@ -182,11 +190,13 @@ def main() -> int:
         "particles": particles, "steps": sim.steps, "reached": sim.time, "until": last,
         "failed": failed, "seconds": round(wall, 1), "rows": rows,
         "levels_at_end": levels_at_end(sim), "loads_so_far": loads_so_far(flume, sim),
-        **({"near": options, "seconds_before": trunk} if given.near else {}),
+        **({"near": options or True, "seconds_before": trunk} if given.near else {}),
         "commit": bench.commit(), "version": libmpm.__version__,
     }  # fmt: skip
     append(given.output, line)
     parts = [f"{v}" for v in (changes | ingredients).values()]
+    if given.near is not None:
+        parts += ["near", *(f"{v:g}" for v in options.values())]
     stem = "-".join([given.name, given.level, *parts]).replace(":", "-")
     if given.figures is not None:
         given.figures.mkdir(parents=True, exist_ok=True)

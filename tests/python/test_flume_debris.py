@@ -78,7 +78,7 @@ def test_pieces_that_touch_part_with_contact_alone(contact, opened):
     assert gaps() - before == pytest.approx(opened, abs=0.001)
 
 
-def test_box_and_bars_stand_in_the_cut_run_of_a_strip(tmp_path):
+def test_box_and_bars_stand_in_the_cut_run_of_a_strip(tmp_path, monkeypatch):
     flume = flumes.LargeWaveFlume(
         width="half", cell_size=0.2, structure="box", debris="1-T-0.1x0.5", gap=0.4, end=60.0
     )
@@ -106,5 +106,14 @@ def test_box_and_bars_stand_in_the_cut_run_of_a_strip(tmp_path):
         flume.near_field(tmp_path, lower=40.0)
     with pytest.raises(libmpm.SceneError, match=r"is a cut at 15\.2\d* s .* give another folder"):
         flume.near_field(tmp_path, **(given | {"begin": 15.3}))
+    low = flume.box().lower[2]
+    with warnings.catch_warnings(), monkeypatch.context() as patch:
+        warnings.simplefilter("ignore", libmpm.ModelWarning)
+        under = type(flume.box())(lower=(41.4, 0.0, low - 0.4), upper=(42.4, 0.6, low + 0.2))
+        patch.setattr(flumes.LargeWaveFlume, "box", lambda self: under)
+        with pytest.raises(
+            libmpm.SceneError, match=r"when \d+ particles of water .* begin earlier"
+        ):
+            flume.near_field(tmp_path, **given)
     with pytest.raises(libmpm.SceneError, match="holds another run"):
         replace(flume, cell_size=0.25).near_field(tmp_path)

@@ -11,8 +11,9 @@ namespace mpm {
 
 struct RankTold {
     static constexpr int most = 8;
+    // Of a sweep the largest nodal speed and mass; of smoothing `smoothing_sums` of its particles.
     double number[most];
-    std::int32_t beyond;  // its integers cannot hold what they are to
+    std::int32_t beyond;  // of smoothing: a field larger than integer sums can hold
 };
 
 struct TellRanks {

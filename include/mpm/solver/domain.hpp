@@ -14,6 +14,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <limits>
 
 #include "mpm/core/error.hpp"
@@ -363,6 +364,22 @@ private:
     void list_shared_cells(std::int64_t slots);
     void swap_cells(std::int64_t* cells, int columns);
     static int summed_columns(const Body& body);
+    std::int32_t reserve_smoothing(Body& body);
+    /// What a rank that fails has queued on a device shall not wait for the others.
+    struct GiveUp {
+        typename X::Meeting* meeting;
+        int before = std::uncaught_exceptions();
+        ~GiveUp() {
+            if (meeting && std::uncaught_exceptions() > before) meeting->give_up();
+        }
+    };
+    /// Until all that this rank has queued is done; with others, as long as these are at work.
+    void wait_for_all() {
+        if constexpr (X::is_device) {
+            if (share_) return meeting_->wait();
+        }
+        exec_.wait();
+    }
     void swap_sums(int which, const Clock* clock);
     void share_sums();
     void share_deposits(int which);

@@ -53,7 +53,8 @@ void Domain<X, T, D>::list_shared() {
     }
     shared_slots_.assign(slots);
     shared_out_.reserve_discard(slots.size() * std::size_t(block));
-    s.bytes_a_step = slots.size() * std::size_t(block) * sizeof(Sum) * (splits() ? 2 : 1);
+    const std::size_t swaps = 1 + (splits() ? 1 : 0) + std::size_t(std::max(plan_.sweeps, 0));
+    s.bytes_a_step = slots.size() * std::size_t(block) * sizeof(Sum) * swaps;
     list_shared_cells(std::int64_t(slots.size()));
     if (!reaches()) return shared_in_.reserve_discard(shared_out_.size());
     std::vector<const Sum*> mine(std::size_t(s.ranks()), nullptr);
@@ -101,6 +102,10 @@ void Domain<X, T, D>::list_shared_cells(std::int64_t slots) {
             columns = std::max<std::int64_t>(columns, summed_columns(body));
     if (columns == 0) return;
     cells_out_.reserve_discard(std::size_t(slots * columns) * block_cells);
+    for (const Body& body : bodies_)
+        if (body.plan.cells.smooths())
+            share_->bytes_a_step +=
+                std::size_t(slots) * std::size_t(summed_columns(body)) * block_cells * 8;
     if (!reaches()) return cells_in_.reserve_discard(cells_out_.size());
     RankShare<D>& s = *share_;
     struct Piece {

@@ -170,11 +170,9 @@ void Domain<X, T, D>::after_collect(Body& body, int number, const Phase<X, T, D>
     }
 }
 
-/// Devices: the state smoothed, where nothing is asked between steps: what a call did waits there.
+/// Devices: room for what smoothing of a body adds up, and who adds it.
 template <class X, class T, int D>
-void Domain<X, T, D>::smooth_on_device(Body& body, int number, const Phase<X, T, D>& phase) {
-    static_assert(SmoothingLog::size >= X::batch);
-    const CellNumbers& n = body.plan.cells;
+std::int32_t Domain<X, T, D>::reserve_smoothing(Body& body) {
     if (smoothing_logs_.size() != bodies_.size())
         smoothing_logs_.assign(std::vector<SmoothingLog>(bodies_.size()));
     const auto parts = std::int32_t(exec_.sum_parts(body.homes));
@@ -183,6 +181,16 @@ void Domain<X, T, D>::smooth_on_device(Body& body, int number, const Phase<X, T,
         body.smoothing_set.assign({SumSet{0, body.homes, 0, parts}});
     }
     smoothing_energies_.reserve_discard(std::size_t(body.homes + parts) * smoothing_sums);
+    cell_room(body);
+    return parts;
+}
+
+/// Devices: the state smoothed, where nothing is asked between steps: what a call did waits there.
+template <class X, class T, int D>
+void Domain<X, T, D>::smooth_on_device(Body& body, int number, const Phase<X, T, D>& phase) {
+    static_assert(SmoothingLog::size >= X::batch);
+    const CellNumbers& n = body.plan.cells;
+    const std::int32_t parts = reserve_smoothing(body);
     SmoothingLog* log = smoothing_logs_.data() + number;
     CellTask<D> task{};
     task.choice = n.smoothing;
@@ -288,8 +296,8 @@ void Domain<X, T, D>::collect_bodies(const std::vector<std::size_t>& moving) {
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         Body& body = bodies_[b];
         if constexpr (X::is_device) {
-            // A rank without its particles has a part in what cells sum up.
-            if (body.plan.cells.smooths() && (body.homes > 0 || share_))
+            // A rank without its particles has a part in what cells sum up, unless nobody has any.
+            if (body.plan.cells.smooths() && body.count_of_all > 0)
                 smooth_on_device(body, int(b), make(b));
         } else if (body.homes > 0 || meets_over_cells(body)) {
             if (body.plan.pipeline == Pipeline::phased && body.rigid < 0)

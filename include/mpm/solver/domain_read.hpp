@@ -20,7 +20,7 @@ void Domain<X, T, D>::prepare_velocities() {
     push_clock();
     exec_.single(begin_step());
     make_velocities(NothingAfter{});
-    exec_.wait();
+    wait_for_all();
     clock_ = kept;
     push_clock();
     velocities_made_ = true;
@@ -30,7 +30,14 @@ void Domain<X, T, D>::prepare_velocities() {
 /// leaves a new state makes them too.
 template <class X, class T, int D>
 void Domain<X, T, D>::prepare_swept_velocities() {
-    if (share_ && plan_.sweep.residual > 0) prepare_velocities();
+    if (!share_ || plan_.sweep.residual <= 0) return;
+    const GiveUp on_failure{meeting_.get()};
+    if constexpr (X::is_device) {
+        // Nobody asks for memory while another rank's kernels wait.
+        for (Body& body : bodies_) reserve_scratch(body);
+        meet_hosts();
+    }
+    prepare_velocities();
 }
 
 template <class X, class T, int D>

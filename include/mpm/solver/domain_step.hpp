@@ -330,14 +330,6 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
         return result;
     }
     const double began = now();
-    // What a rank that fails has queued shall not wait for the others.
-    struct GiveUp {
-        typename X::Meeting* meeting;
-        int before = std::uncaught_exceptions();
-        ~GiveUp() {
-            if (meeting && std::uncaught_exceptions() > before) meeting->give_up();
-        }
-    };
     const GiveUp on_failure{meeting_.get()};
     velocities_made_ = false;
     tallies_.stale = true;  // readers may have given particles other numbers
@@ -362,7 +354,10 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             bool wall_over = false;
             if (share_) {
                 // Nobody asks for memory while another rank's kernels wait.
-                for (Body& body : bodies_) reserve_deposits(body);
+                for (Body& body : bodies_) {
+                    reserve_deposits(body);
+                    if (body.plan.cells.smooths()) reserve_smoothing(body);
+                }
                 if (tallies_.any()) list_tallied();
                 run_together(n, wall_over);
             }

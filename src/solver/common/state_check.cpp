@@ -368,11 +368,15 @@ private:
         impulses("load_impulse", loads * std::size_t(load_columns<D>));
         if (contacts > 0) impulses("contact_impulse", contacts * std::size_t(contact_columns<D>));
         // Earlier versions had pins among what rigid bodies were told, on one rank.
-        if (pins > 0 && state_.has("pin_impulse")) impulses("pin_impulse", pins * D);
+        if (pins > 0 && state_.has("pin_impulse"))
+            state_.numbers("pin_impulse", exact_pieces * pins * D,
+                           std::numeric_limits<double>::max());
         if (pins > 0 && !state_.has("pin_impulse") && spec_.ranks.count > 1)
             throw SceneError(
-                "the saved state is of an earlier version, which had the force on a pin on one "
-                "rank; expected one rank; resume it so, and save it anew");
+                "the saved state has sensors.PinForce of an earlier version, which "
+                "had it on one rank, and goes on on " +
+                std::to_string(spec_.ranks.count) +
+                " ranks; expected one; resume it on one rank, and save it anew");
     }
     /// Three numbers that add up to each; earlier versions saved one.
     void impulses(const char* name, std::size_t count) const {

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "mpm/core/error.hpp"
 #include "support/ranks.hpp"
 #include "support/scene.hpp"
@@ -218,11 +220,38 @@ TEST_P(CellsOfRanks, have_the_bits_of_one) {
     EXPECT_GT(two->statistics().at("migrated"), 0);
     test::expect_same_states(*two, *one, 2);
     test::expect_same_smoothing(*two, *one, 2, 1e-11);
-    // At first some of them have none of the block's particles.
     const auto four = test::make_slow_engine(test::on_devices(s, 4, RanksSpec::curve, 0), reach);
     four->load(saved);
     go(*four, half);
     test::expect_same_states(*four, *one, 2);
+}
+
+/// In one pass, with a rank that has none of the water until it comes, and one body after another
+/// until none of it is left anywhere.
+TEST(CellSums, of_ranks_stand_before_the_fused_step_and_outlive_the_last_particle) {
+    for (const Form& form : {forms[1], forms[2]}) {
+        Spec s = thrown(2, true, Kernel::quadratic, form.choice);
+        s.bodies.pop_back();
+        s.pipeline = "auto";
+        s.gravity.value = {60, 0};
+        s.boundaries.clear();
+        s.outlets.push_back({"out", 1});
+        s.leaving = Leaving::remove;
+        // Blocks are of eight cells: the second rank has those from 24 on, water begins before 20.
+        Spec parted = test::on_devices(s, 2, 0, std::numeric_limits<double>::infinity());
+        parted.ranks.planes = {3};
+        const auto one = on_device(s), two = test::make_slow_engine(parted);
+        for (Engine* e : {one.get(), two.get()}) {
+            e->run(-1, 0.05, test::forever);
+            ASSERT_GT(e->particle_count(0), 0u);
+        }
+        test::expect_same_states(*two, *one, 1);
+        for (Engine* e : {one.get(), two.get()}) {
+            e->run(-1, 1.0, test::forever);
+            EXPECT_EQ(e->particle_count(0), 0u);
+        }
+        test::expect_same_smoothing(*two, *one, 1, 1e-11);
+    }
 }
 
 std::string name_of_ranks(const ::testing::TestParamInfo<CellsOfRanks::ParamType>& i) {

@@ -2,6 +2,8 @@
 // them: vertices one by one, sums as integers.
 #pragma once
 
+#include <type_traits>
+
 #include "mpm/kernels/element_passes.hpp"
 #include "mpm/physics/material/fixed_corotated.hpp"
 #include "mpm/physics/material/von_mises.hpp"
@@ -16,19 +18,28 @@ void add_slowly(const SlowPhase<D>& phase, std::int32_t block, int channel, int 
         std::int32_t(std::lrint(float(x)));
 }
 
-template <int W, int D>
+/// `Splines`: of plain quadratic ones, whose nodes need no loop.
+template <int W, bool Splines, int D>
 void spread_vertices_slowly(const SlowPhase<D>& phase, const ElementsView<float, D>& mesh) {
+    using Nodes = std::conditional_t<Splines, Unrolled, ByPlanes>;
     const auto& pass = phase.pass;
     const SpreadTargets<D> to(phase.n, phase.part, pass.group);
+    pass.exec->for_each(pass.body.count, PushVertices<SlowDevice, float, D>{pass, mesh});
     for_each_of_phase<D>(phase, true, [&](int, std::int32_t slot, const int(&home)[D], auto q) {
         report_inverted<SlowDevice>(pass, mesh, q);
         const std::int32_t* neighbours =
             pass.grid.table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
-        const Reached<W, SlowDevice, float, D> reached(phase, slot, home, q);
-        const Vec<float, D> push = push_of_step(pass, mesh, q);
+        const auto reached = [&] {
+            if constexpr (Splines)
+                return Reached<W, SlowDevice, float, D>(phase, slot, home, q, KernelChoice{});
+            else
+                return Reached<W, SlowDevice, float, D>(phase, slot, home, q);
+        }();
+        Vec<float, D> push;
+        for (int a = 0; a < D; ++a) push[a] = mesh.push[a * mesh.vertices + q];
         const double size = double(vertex_deposit(phase, q, push));
         if (!(size <= pass.deposited[momentum_sum])) pass.deposited[momentum_sum] = size;
-        spread_vertex(
+        spread_vertex<Nodes>(
             phase, reached, places_in_grid<W>(reached.at.cell), q, push,
             [&](int channel, int place, float amount) {
                 const auto kind = spread_channel<D>(phase.n, phase.part, channel).kind;
@@ -62,8 +73,13 @@ ElementOps<SlowDevice, float, D> slow_element_ops() {
     ops.forces = &find_forces<Material, SlowDevice, float, D>;
     ops.spread = [](const SlowPhase<D>& phase, const Mesh& mesh) {
         if (idle(phase)) return;
-        kernel_width(phase.n.kernel.kernel) == 3 ? spread_vertices_slowly<3>(phase, mesh)
-                                                 : spread_vertices_slowly<5>(phase, mesh);
+        const KernelChoice& choice = phase.n.kernel;
+        if (choice.kernel == Kernel::quadratic && !choice.clamped)
+            spread_vertices_slowly<3, true>(phase, mesh);
+        else if (kernel_width(choice.kernel) == 3)
+            spread_vertices_slowly<3, false>(phase, mesh);
+        else
+            spread_vertices_slowly<5, false>(phase, mesh);
     };
     ops.fill = [](const SlowPhase<D>& phase, const Mesh& mesh, const std::uint8_t* near,
                   int channel) {

@@ -41,7 +41,7 @@ struct PushedVertex {
 template <class T, int D>
 struct Vertices {
     static constexpr bool tell = true;
-    static constexpr bool of_splines = true;
+    static constexpr bool velocities_then_mass = true;
     ElementsView<T, D> mesh;
 
     template <class X, class G>

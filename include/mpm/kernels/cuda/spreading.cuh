@@ -16,8 +16,8 @@ using NodeArena = SumArena<D, 0>;
 /// Threads that share a home block: more where its particles are many and homes too few to fill the
 /// device.
 inline constexpr int most_home_threads = 2 * phase_block;
-/// Blocks of so many threads for a multiprocessor: where nodes need no loop a thread would take
-/// more registers than the 80 that this leaves it.
+/// Resident blocks that are asked for: three of 256 threads leave 80 registers to a thread, of
+/// which it would take 115 where nodes need no loop.
 template <bool Splines>
 inline constexpr int home_blocks = Splines ? 3 : 1;
 template <class P>
@@ -66,7 +66,8 @@ __device__ __forceinline__ Reached<W, X, T, D> reach(const Phase<X, T, D>& phase
 /// Particles: what they deposit is all in scratch, and told by `respond`.
 struct Particles {
     static constexpr bool tell = false;
-    static constexpr bool of_splines = false;  // all transfers and forms would be at every node
+    /// Deposits are velocities, then the mass, and short enough to stand at every node unrolled.
+    static constexpr bool velocities_then_mass = false;
     template <class P, class L>
     __device__ __forceinline__ Particles at(const P&, std::uint32_t, L&) const {
         return {};
@@ -107,7 +108,7 @@ __global__ void __launch_bounds__(most_home_threads, home_blocks<Splines>)
                                                     : scales.momentum;
     }
     const auto fixed = [&](int channel, G amount) {
-        if constexpr (Carriers::of_splines)  // velocities, then the mass: no list to look it up in
+        if constexpr (Carriers::velocities_then_mass)  // no list to look scales up in
             return to_fixed(amount * (channel == to.channels - 1 ? scales.mass : scales.momentum));
         else
             return to_fixed(amount * scale[channel]);
@@ -161,7 +162,7 @@ void spread_with(const Phase<X, T, D>& phase, const Carriers& carriers) {
     const KernelChoice& choice = phase.n.kernel;
     auto* kernel = kernel_width(choice.kernel) == 3 ? &spread_step<3, false, X, T, D, Carriers>
                                                     : &spread_step<5, false, X, T, D, Carriers>;
-    if constexpr (Carriers::of_splines && may_unroll<typename Pass<X, T, D>::Grid>) {
+    if constexpr (Carriers::velocities_then_mass && may_unroll<typename Pass<X, T, D>::Grid>) {
         if (of_splines(choice)) kernel = &spread_step<3, true, X, T, D, Carriers>;
     }
     const auto& pass = phase.pass;

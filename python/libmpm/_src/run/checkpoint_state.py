@@ -27,7 +27,7 @@ from libmpm._src.shapes.boxes import Box
 from libmpm._src.shapes.filling import BOXES, caught_in, place_of
 from libmpm._src.shapes.oriented_boxes import Extent, TurnedBox
 
-__all__ = ["Snapshot", "check_new_boundaries", "displaced", "id_ranges", "inside"]
+__all__ = ["Snapshot", "caught", "check_new_boundaries", "displaced", "id_ranges", "inside"]
 __all__ += ["remaining", "snapshot", "take_apart"]
 
 Array = npt.NDArray[np.float64]
@@ -279,18 +279,28 @@ def check_new_boundaries(scene: SceneData) -> None:
     for boundary in scene.boundaries[start.boundaries :]:
         if not isinstance(boundary.shape, Box):
             continue
-        corners = [[i * scene.cell_size for i in corner] for corner in snap(scene, boundary.shape)]
-        for body in start.bodies:
-            position = snapshot(scene).bodies[body.name][1]
-            caught = int(np.count_nonzero(inside((corners[0], corners[1]), position, 0.0)))
-            if caught and boundary.window[0] <= start.time < boundary.window[1]:
-                problems.append(
-                    f"boundary '{boundary.name}': {caught} particles of body '{body.name}' lie "
-                    f"inside it at {start.time:g} s; expected none; run the trunk with it, or "
-                    "move it"
-                )
+        if not boundary.window[0] <= start.time < boundary.window[1]:
+            continue
+        problems += [
+            f"boundary '{boundary.name}': {count} particles of body '{name}' lie inside it at "
+            f"{start.time:g} s; expected none; run the trunk with it, or move it"
+            for name, count in caught(scene, boundary.shape).items()
+        ]
     if problems:
         raise SceneError(problems)
+
+
+def caught(scene: SceneData, box: Box) -> dict[str, int]:
+    """Return how many particles lie in a box where a scene continues, by bodies that have any."""
+    assert scene.start is not None
+    corners = [[i * scene.cell_size for i in corner] for corner in snap(scene, box)]
+    found = {}
+    for body in scene.start.bodies:
+        position = snapshot(scene).bodies[body.name][1]
+        count = int(np.count_nonzero(inside((corners[0], corners[1]), position, 0.0)))
+        if count:
+            found[body.name] = count
+    return found
 
 
 def inside(hole: Extent, position: Array, allowance: float) -> npt.NDArray[np.bool_]:
