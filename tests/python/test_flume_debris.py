@@ -116,4 +116,4 @@ def test_box_and_bars_stand_in_the_cut_run_of_a_strip(tmp_path, monkeypatch):
         ):
             flume.near_field(tmp_path, **given)
     with pytest.raises(libmpm.SceneError, match="holds another run"):
-        replace(flume, cell_size=0.25).near_field(tmp_path)
+        replace(flume, cell_size=0.25).near_field(tmp_path, **given)
