@@ -373,10 +373,11 @@ private:
             if (meeting && std::uncaught_exceptions() > before) meeting->give_up();
         }
     };
-    /// Until all that this rank has queued is done; with others, as long as these are at work.
-    void wait_for_all() {
+    /// Until all that this rank has queued is done. Sweeps are made by all ranks together, so that
+    /// one that has failed is heard of; a reader is alone otherwise.
+    void wait_for_sweeps() {
         if constexpr (X::is_device) {
-            if (share_) return meeting_->wait();
+            if (share_ && plan_.sweep.residual > 0) return meeting_->wait();
         }
         exec_.wait();
     }

@@ -20,7 +20,7 @@ void Domain<X, T, D>::prepare_velocities() {
     push_clock();
     exec_.single(begin_step());
     make_velocities(NothingAfter{});
-    wait_for_all();
+    wait_for_sweeps();
     clock_ = kept;
     push_clock();
     velocities_made_ = true;
