@@ -3,6 +3,8 @@
 // block or of an arena, whose holder turns them into numbers.
 #pragma once
 
+#include <type_traits>
+
 #include "mpm/kernels/phase.hpp"
 #include "mpm/physics/shape/dual_domain.hpp"
 #include "mpm/physics/shape/parallelepiped.hpp"
@@ -256,6 +258,22 @@ private:
         at.find(pass.grid.table.corners + std::int64_t(slot) * D, home, offset);
     }
 };
+
+/// Quadratic splines, away from clamped ends: the same functions for all, known when a pass is
+/// compiled, whose nodes then need no loop.
+inline bool of_splines(const KernelChoice& k) {
+    return k.kernel == Kernel::quadratic && !k.clamped;
+}
+template <bool Splines>
+using NodesOf = std::conditional_t<Splines, Unrolled, ByPlanes>;
+template <int W, bool Splines, class X, class T, int D>
+MPM_INLINE Reached<W, X, T, D> reach(const Phase<X, T, D>& phase, std::int32_t slot,
+                                     const int (&home)[D], std::uint32_t q) {
+    if constexpr (Splines)
+        return Reached<W, X, T, D>(phase, slot, home, q, KernelChoice{});
+    else
+        return Reached<W, X, T, D>(phase, slot, home, q);
+}
 
 /// What a launch asks of the transfers of all its particles.
 struct TransferNumbers {

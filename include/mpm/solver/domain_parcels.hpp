@@ -96,16 +96,16 @@ void Domain<X, T, D>::swap_sums(int which, const Clock* clock) {
 /// The same, in pieces by rank of what others hold too, for what bodies sum up over cells.
 template <class X, class T, int D>
 void Domain<X, T, D>::list_shared_cells(std::int64_t slots) {
-    std::int64_t columns = 0;
-    for (const Body& body : bodies_)
-        if (body.plan.cells.smooths())
-            columns = std::max<std::int64_t>(columns, summed_columns(body));
-    if (columns == 0) return;
-    cells_out_.reserve_discard(std::size_t(slots * columns) * block_cells);
-    for (const Body& body : bodies_)
-        if (body.plan.cells.smooths())
-            share_->bytes_a_step +=
-                std::size_t(slots) * std::size_t(summed_columns(body)) * block_cells * 8;
+    int most = 0, all = 0;  // numbers of a cell, of one body and of all
+    for (const Body& body : bodies_) {
+        if (!body.plan.cells.smooths()) continue;
+        most = std::max(most, summed_columns(body));
+        all += summed_columns(body);
+    }
+    if (most == 0) return;
+    const std::size_t cells = std::size_t(slots) * block_cells;
+    cells_out_.reserve_discard(cells * std::size_t(most));
+    share_->bytes_a_step += cells * std::size_t(all) * sizeof(std::int64_t);
     if (!reaches()) return cells_in_.reserve_discard(cells_out_.size());
     RankShare<D>& s = *share_;
     struct Piece {

@@ -2,8 +2,6 @@
 // them: vertices one by one, sums as integers.
 #pragma once
 
-#include <type_traits>
-
 #include "mpm/kernels/element_passes.hpp"
 #include "mpm/physics/material/fixed_corotated.hpp"
 #include "mpm/physics/material/von_mises.hpp"
@@ -21,7 +19,6 @@ void add_slowly(const SlowPhase<D>& phase, std::int32_t block, int channel, int 
 /// `Splines`: of plain quadratic ones, whose nodes need no loop.
 template <int W, bool Splines, int D>
 void spread_vertices_slowly(const SlowPhase<D>& phase, const ElementsView<float, D>& mesh) {
-    using Nodes = std::conditional_t<Splines, Unrolled, ByPlanes>;
     const auto& pass = phase.pass;
     const SpreadTargets<D> to(phase.n, phase.part, pass.group);
     pass.exec->for_each(pass.body.count, PushVertices<SlowDevice, float, D>{pass, mesh});
@@ -29,17 +26,12 @@ void spread_vertices_slowly(const SlowPhase<D>& phase, const ElementsView<float,
         report_inverted<SlowDevice>(pass, mesh, q);
         const std::int32_t* neighbours =
             pass.grid.table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
-        const auto reached = [&] {
-            if constexpr (Splines)
-                return Reached<W, SlowDevice, float, D>(phase, slot, home, q, KernelChoice{});
-            else
-                return Reached<W, SlowDevice, float, D>(phase, slot, home, q);
-        }();
+        const auto reached = reach<W, Splines>(phase, slot, home, q);
         Vec<float, D> push;
         for (int a = 0; a < D; ++a) push[a] = mesh.push[a * mesh.vertices + q];
         const double size = double(vertex_deposit(phase, q, push));
         if (!(size <= pass.deposited[momentum_sum])) pass.deposited[momentum_sum] = size;
-        spread_vertex<Nodes>(
+        spread_vertex<NodesOf<Splines>>(
             phase, reached, places_in_grid<W>(reached.at.cell), q, push,
             [&](int channel, int place, float amount) {
                 const auto kind = spread_channel<D>(phase.n, phase.part, channel).kind;
@@ -74,7 +66,7 @@ ElementOps<SlowDevice, float, D> slow_element_ops() {
     ops.spread = [](const SlowPhase<D>& phase, const Mesh& mesh) {
         if (idle(phase)) return;
         const KernelChoice& choice = phase.n.kernel;
-        if (choice.kernel == Kernel::quadratic && !choice.clamped)
+        if (of_splines(choice))
             spread_vertices_slowly<3, true>(phase, mesh);
         else if (kernel_width(choice.kernel) == 3)
             spread_vertices_slowly<3, false>(phase, mesh);

@@ -24,10 +24,8 @@ template <class P>
 int home_threads(const P& pass) {
     const std::int64_t homes = std::max(pass.body.homes, 1), each = pass.body.count / homes,
                        resident = 1024 * std::int64_t(pass.exec->multiprocessors());
-    int threads = phase_block;
-    while (threads < most_home_threads && threads < each && homes * 2 * threads <= resident)
-        threads *= 2;
-    return threads;
+    const bool few = homes * most_home_threads <= resident;
+    return few && each > phase_block ? most_home_threads : phase_block;
 }
 
 /// Calls f(place in the arena, block among the neighbours, node) for this thread's nodes.
@@ -45,23 +43,9 @@ __device__ __forceinline__ void for_my_arena_nodes(const F& f) {
     }
 }
 
-/// Quadratic splines, away from clamped ends: the same functions for all, known when a pass is
-/// compiled, whose nodes then need no loop. In double precision registers do not hold them.
+/// In double precision registers do not hold what nodes without a loop need.
 template <class G>
 inline constexpr bool may_unroll = sizeof(G) == 4;
-inline bool of_splines(const KernelChoice& k) {
-    return k.kernel == Kernel::quadratic && !k.clamped;
-}
-template <bool Splines>
-using NodesOf = std::conditional_t<Splines, Unrolled, ByPlanes>;
-template <int W, bool Splines, class X, class T, int D>
-__device__ __forceinline__ Reached<W, X, T, D> reach(const Phase<X, T, D>& phase, std::int32_t slot,
-                                                     const int (&home)[D], std::uint32_t q) {
-    if constexpr (Splines)
-        return Reached<W, X, T, D>(phase, slot, home, q, KernelChoice{});
-    else
-        return Reached<W, X, T, D>(phase, slot, home, q);
-}
 
 /// Particles: what they deposit is all in scratch, and told by `respond`.
 struct Particles {

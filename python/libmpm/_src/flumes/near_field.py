@@ -13,7 +13,7 @@ from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.boundaries.responses import Displacement, Slip
 from libmpm._src.errors import ModelWarning, SceneError
 from libmpm._src.flumes.virtual_paddle import piston_of_flow
-from libmpm._src.output.checkpoint import load_checkpoint
+from libmpm._src.output.checkpoint import load_header
 from libmpm._src.run.checkpoint_state import caught
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.python_sensors import GridSensor
@@ -82,7 +82,7 @@ def near_field(
                          f"{flume.clock:g} and {end + flume.clock:g} s")  # fmt: skip
     file = folder / CHECKPOINT
     if file.is_file():
-        cut = float(load_checkpoint(file).header["time"])
+        cut = float(load_header(file)[0]["time"])
         if abs(cut - start) > _SAME_TIME:
             raise SceneError(
                 f"{label}: {file} is a cut at {cut + flume.clock:g} s of the laboratory; expected "
