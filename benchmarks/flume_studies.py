@@ -1,7 +1,8 @@
 """Four studies of debris in laboratory flumes, each with one table and one figure.
 
     python benchmarks/flume_studies.py {ordered,scales,random,rest} -o FOLDER [--level laptop|full]
-                                       [--device cpu] [--workers N] [--cases N]
+                                       [--set NAME=VALUE ...] [--cases N] [--budget SECONDS]
+                                       [--device cpu|cuda:0,cuda:1] [--workers N]
 
 ordered  16 ordered fields of the Large Wave Flume from one water run: first peaks against measured
          boxes, line of parity
@@ -9,16 +10,20 @@ scales   a field at λ 0.25, 1, 4, 10 by Froude, with and without the moduli sca
 random   34 random fields of the flume's bars from the same water: first peaks and the regression
 rest     Waseda basin, 3 and 6 pieces, without columns and behind one or two rows: rest and spread
 
+`--set` changes any argument of the facility: cell_size=0.05, contact=0.3, packing="density".
 A study that was stopped continues from its folder. The table is FOLDER/NAME.csv, the figure
 FOLDER/NAME.png; a line with the seconds of a case goes to benchmarks/results/flume_studies.jsonl.
 Level "laptop" is cells in which debris is one to three cells thick, minutes to an hour on two
-cores; "full" is one GPU.
+cores; "full" is one GPU. Several devices have cases in turn, as many at a time as there are
+workers.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
+import signal
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -26,7 +31,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from result_pages import append
+from result_pages import append, setting
 
 import libmpm
 from libmpm import debris, flumes
@@ -54,13 +59,10 @@ Row = Mapping[str, Any]
 class Ordered:
     """First peaks of ordered fields in the Large Wave Flume, half of its width."""
 
-    def __init__(self, level: str, folder: Path, device: str) -> None:
-        cell = 0.1 if level == "laptop" else 0.025
+    def __init__(self, level: str, folder: Path, device: str, changes: Mapping[str, Any]) -> None:
         self.folder, self.device = folder / "water", device
-        stiff = {} if level == "laptop" else {"bulk_modulus": 2.2e7}
-        self.flume = flumes.LargeWaveFlume(
-            width="half", cell_size=cell, structure="box", end=70.0, **stiff
-        )
+        given = {"cell_size": 0.1 if level == "laptop" else 0.05} | dict(changes)
+        self.flume = flumes.LargeWaveFlume(width="half", structure="box", end=70.0, **given)
         self.until = LAST_PEAK - self.flume.clock
 
     def rows(self) -> list[dict[str, Any]]:
@@ -69,8 +71,6 @@ class Ordered:
 
     def facility(self, **row: Any) -> flumes.LargeWaveFlume:
         """Return the flume of a row."""
-        import dataclasses
-
         return dataclasses.replace(self.flume, debris=row["layout"])
 
     def scene(self, **row: Any) -> libmpm.Scene:
@@ -89,7 +89,7 @@ class Ordered:
         for row in table:
             found = record["exp_mascarenas2022_median_N"]
             names = list(record["case"])
-            if row["layout"] not in names or row["peak"] is None:
+            if row["layout"] not in names or row.get("peak") is None:
                 continue
             measured = float(found[names.index(row["layout"])])
             if math.isfinite(measured):
@@ -133,7 +133,7 @@ class Random(Ordered):
 
     def report(self, table: Sequence[Row], axes: Any) -> dict[str, Any]:
         """Draw peaks over the number of bars; return the fit by log n and alignment."""
-        rows = [r for r in table if r["peak"] is not None]
+        rows = [r for r in table if r.get("peak") is not None]
         x = np.array([[1.0, r["log_count"], r["aligned"]] for r in rows])
         y = np.array([r["peak"] for r in rows])
         if len(rows) < 4:
@@ -149,10 +149,9 @@ class Random(Ordered):
 class Scales:
     """A field of bars before the box of WASIRF, at several scales by Froude."""
 
-    def __init__(self, level: str, folder: Path, device: str) -> None:
-        self.flume = flumes.WASIRF.of_case(
-            "8-L", cell_size=0.05 if level == "laptop" else 0.0125, width="half"
-        )
+    def __init__(self, level: str, folder: Path, device: str, changes: Mapping[str, Any]) -> None:
+        given = {"cell_size": 0.05 if level == "laptop" else 0.0125} | dict(changes)
+        self.flume = flumes.WASIRF.of_case("8-L", width="half", **given)
 
     def rows(self) -> list[dict[str, Any]]:
         """Return λ and whether the moduli are scaled."""
@@ -177,7 +176,7 @@ class Scales:
 
     def report(self, table: Sequence[Row], axes: Any) -> dict[str, Any]:
         """Draw peaks over λ; return those without scaled moduli over those with."""
-        found = {(r["scale"], r["moduli"]): r["peak"] for r in table if r["peak"] is not None}
+        found = {(r["scale"], r["moduli"]): r["peak"] for r in table if r.get("peak") is not None}
         for moduli, name in ((True, "moduli scaled"), (False, "moduli as they are")):
             points = sorted((s, p) for (s, m), p in found.items() if m == moduli)
             if points:
@@ -193,8 +192,8 @@ class Scales:
 class Rest:
     """Rest and spread of pieces in the Waseda basin."""
 
-    def __init__(self, level: str, folder: Path, device: str) -> None:
-        self.cell = 0.05 if level == "laptop" else 0.01
+    def __init__(self, level: str, folder: Path, device: str, changes: Mapping[str, Any]) -> None:
+        self.changes = {"cell_size": 0.05 if level == "laptop" else 0.02} | dict(changes)
         self.until = flumes.WasedaBasin.of_case("0x0-up").until
 
     def rows(self) -> list[dict[str, Any]]:
@@ -205,9 +204,8 @@ class Rest:
     def facility(self, columns: int, layers: int, seed: int) -> flumes.WasedaBasin:
         """Return the basin of a row."""
         return flumes.WasedaBasin(
-            width="full", cell_size=self.cell, rows=columns, seed=seed,
-            debris=f"3x{layers}-upstream",
-        )  # fmt: skip
+            width="full", rows=columns, seed=seed, debris=f"3x{layers}-upstream", **self.changes
+        )
 
     def scene(self, **row: Any) -> libmpm.Scene:
         """Return the scene of a row."""
@@ -228,7 +226,7 @@ class Rest:
         found: dict[str, Any] = {}
         for k, (columns, layers) in enumerate((c, n) for c in (0, 1, 2) for n in (1, 2)):
             rows = [r for r in table if (r["columns"], r["layers"]) == (columns, layers)]
-            values = [r["rest"] for r in rows if r["rest"] is not None]
+            values = [r["rest"] for r in rows if r.get("rest") is not None]
             if values:
                 name = f"{columns} rows, {3 * layers} pieces"
                 axes.plot([k] * len(values), values, "o", markersize=4)
@@ -240,7 +238,7 @@ class Rest:
         return found
 
 
-STUDIES: dict[str, Callable[[str, Path, str], Any]] = {
+STUDIES: dict[str, Callable[[str, Path, str, Mapping[str, Any]], Any]] = {
     "ordered": Ordered, "scales": Scales, "random": Random, "rest": Rest,
 }  # fmt: skip
 
@@ -280,28 +278,39 @@ def main() -> int:
     parser.add_argument("--level", choices=("laptop", "full"), default="laptop")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")
     parser.add_argument("--cases", type=int, help="the first so many rows; default: all")
+    parser.add_argument("--budget", type=int, default=0, help="s; stops and reports what is there")
     parser.add_argument("--until", type=float, help="s; shorter than a study needs: a trial")
     parser.add_argument("--results", type=Path, default=RESULTS)
     given = parser.parse_args()
     given.output.mkdir(parents=True, exist_ok=True)
-    plan = STUDIES[given.name](given.level, given.output, given.device)
+    devices, changes = given.device.split(","), dict(given.set)
+    plan = STUDIES[given.name](given.level, given.output, devices[0], changes)
     study = libmpm.Study(
         given.output / given.name, plan.scene, plan.rows()[: given.cases],
         until=plan.until if given.until is None else given.until, response=plan.response,
-        checkpoint_interval=1.0, name=given.name,
+        checkpoint_interval=4.0, name=given.name,
     )  # fmt: skip
-    result = study.run(workers=given.workers, device=given.device, progress=False)
+    if given.budget:
+        signal.signal(signal.SIGALRM, signal.default_int_handler)
+        signal.alarm(given.budget)
+    try:
+        result = study.run(workers=given.workers, device=devices, progress=False)
+    except KeyboardInterrupt:
+        result = study.collect()
+    signal.alarm(0)
     figure = Picture(figsize=(6, 4), layout="constrained")
     axes = figure.add_subplot(1, 1, 1)
     rows = [dict(row) for row in result.rows]
     found = {k: v if isinstance(v, list) else float(v) for k, v in plan.report(rows, axes).items()}
-    seconds = [row["wall_time"] for row in rows if row["wall_time"] is not None]
+    seconds = [row["wall_time"] for row in rows if row.get("wall_time") is not None]
     axes.set_title(f"{given.name}, {given.level}: {len(seconds)} cases", fontsize=10)
     figure.savefig(given.output / f"{given.name}.png", dpi=110)
     result.save_csv(given.output / f"{given.name}.csv")
     append(given.results, {
-        "study": given.name, "level": given.level, "device": given.device, "cases": len(rows),
+        "study": given.name, "level": given.level, "changes": changes, "device": given.device,
+        "workers": given.workers, "cases": len(seconds), "of": len(rows),
         "failed": len(result.failed), "seconds_a_case": statistics.mean(seconds or [math.nan]),
         "published": PUBLISHED, "found": found, "commit": bench.commit(),
         "version": libmpm.__version__,

@@ -20,7 +20,6 @@ first where it is not there, from `--begin` on, a time of the laboratory, and fr
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import platform
 import time
@@ -29,7 +28,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from result_pages import append
+from result_pages import append, setting
 
 import libmpm
 from libmpm import flumes
@@ -37,15 +36,6 @@ from libmpm._src.cli import bench
 from libmpm._src.flumes import criteria
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks/results/flumes.jsonl"
-
-
-def _setting(text: str) -> tuple[str, Any]:
-    """Return name and value of an argument; a value that is no JSON is a text."""
-    name, _, said = text.partition("=")
-    try:
-        return name, json.loads(said)
-    except json.JSONDecodeError:
-        return name, said
 
 
 def with_ingredients(scene: libmpm.Scene, ingredients: dict[str, Any]) -> libmpm.Scene:
@@ -142,7 +132,7 @@ def main() -> int:
         parser.error("--begin, --lower and --trunk are of a near field; expected --near FOLDER")
     changes = {"cell_size": given.cell_size, "debris": given.debris}
     changes = {k: v for k, v in changes.items() if v is not None}
-    changes |= dict(_setting(text) for text in given.sets)
+    changes |= dict(setting(text) for text in given.sets)
     flume = flumes.named(given.name).at_level(given.level, **changes)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", libmpm.ModelWarning)
@@ -155,7 +145,7 @@ def main() -> int:
             options = {"begin": given.begin, "lower": given.lower}
             options = {k: v for k, v in options.items() if v is not None}
             scene = flume.near_field(given.near, until=given.until, device=devices[0], **options)
-        ingredients = dict(_setting(text) for text in given.ingredients)
+        ingredients = dict(setting(text) for text in given.ingredients)
         scene = with_ingredients(scene, ingredients)
         trunk = round(time.monotonic() - before, 1)
         if given.trunk:

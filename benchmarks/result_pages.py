@@ -57,3 +57,12 @@ def filled(path: Path, begin: str, end: str, tables: str) -> str:
     before, _, rest = path.read_text(encoding="utf-8").partition(begin)
     _, _, after = rest.partition(end)
     return f"{before}{begin}\n\n{tables}\n\n{end}{after}"
+
+
+def setting(text: str) -> tuple[str, Any]:
+    """Return name and value of an argument; a value that is no JSON is a text."""
+    name, _, said = text.partition("=")
+    try:
+        return name, json.loads(said)
+    except json.JSONDecodeError:
+        return name, said

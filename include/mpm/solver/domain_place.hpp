@@ -332,7 +332,6 @@ void Domain<X, T, D>::start_from(const Spec& spec) {
         plain.push_back(&found->second);
     }
     const auto keys = blocks_.keys().host();
-    const BlockTableView<D> table{table_.keys_of, table_.slots, keys.data(), nullptr, nullptr};
     for (std::size_t k = 0; k < nodes; ++k) {
         std::int64_t block[D];
         int at[D];
@@ -341,17 +340,22 @@ void Domain<X, T, D>::start_from(const Spec& spec) {
             block[a] = c / Block<D>::edge - BlockKeys<D>::rim;
             at[a] = int(c % Block<D>::edge);
         }
-        const std::int32_t slot = find_block<D>(table, block);
-        if (slot < 0) continue;  // all its particles were taken out
-        double* s = sums.data() + std::size_t(slot) * stride + Block<D>::cell(at);
-        for (int a = 0; a < D; ++a) s[(1 + a) * block_cells] += start.velocity[k * D + a] * s[0];
-        for (std::size_t a = 0; a < plain.size(); ++a)
-            s[(std::size_t(plan_.kept.plain) + a) * block_cells] = (*plain[a])[k] * s[0];
-        for (std::size_t g = 0; g < averages.size(); ++g) {
-            if (averages[g] == nullptr) continue;
-            const GroupChannels& c = plan_.groups[g];
-            s[c.sum * block_cells] =
-                (*averages[g])[k] * s[c.weight >= 0 ? c.weight * block_cells : 0];
+        const std::uint64_t key = table_.keys_of.key(block);
+        // Each field of velocities takes the node's on its own mass; none where all were taken out.
+        for (auto at_key = std::lower_bound(keys.begin(), keys.end(), key);
+             at_key != keys.end() && table_.keys_of.of_block(*at_key) == key; ++at_key) {
+            double* s =
+                sums.data() + std::size_t(at_key - keys.begin()) * stride + Block<D>::cell(at);
+            for (int a = 0; a < D; ++a)
+                s[(1 + a) * block_cells] += start.velocity[k * D + a] * s[0];
+            for (std::size_t a = 0; a < plain.size(); ++a)
+                s[(std::size_t(plan_.kept.plain) + a) * block_cells] = (*plain[a])[k] * s[0];
+            for (std::size_t g = 0; g < averages.size(); ++g) {
+                if (averages[g] == nullptr) continue;
+                const GroupChannels& c = plan_.groups[g];
+                s[c.sum * block_cells] =
+                    (*averages[g])[k] * s[c.weight >= 0 ? c.weight * block_cells : 0];
+            }
         }
     }
 

@@ -139,7 +139,7 @@ void check_elements(const Spec& spec) {
         if (spec.transfer.scheme == "XPIC" || spec.transfer.scheme == "FMPM")
             refuse("the sweeps of transfer '" + spec.transfer.scheme + "'",
                    "use APIC or another transfer");
-        if (spec.start.given) refuse("runs that continue from another", "start the scene afresh");
+        if (b.restored) refuse("what is continued from another run", "start the scene afresh");
         for (const InletSpec& inlet : spec.inlets)
             if (std::size_t(inlet.body) == k)
                 refuse("inlet '" + inlet.name + "'", "feed another body");

@@ -19,7 +19,6 @@ void check_contact(const Spec& spec) {
     if (spec.transfer.scheme == "XPIC" || spec.transfer.scheme == "FMPM")
         refuse("the sweeps of transfer '" + spec.transfer.scheme + "'",
                "use APIC or another transfer");
-    if (spec.start.given) refuse("runs that continue from another", "start the scene afresh");
     for (const BoundarySpec& b : spec.boundaries) {
         if (mirrors(b)) refuse("boundary '" + b.name + "', which mirrors", "use Slip or Sticky");
     }
@@ -57,7 +56,6 @@ void check_rigid(const Spec& spec, const BackendTraits& backend) {
         if (!spec.functions.kind.empty()) refuse("grids of functions", "use square cells");
         if (backend.device) refuse(backend.name, "use device=\"cpu\"");
         if (spec.ranks.count > 1) refuse(std::to_string(spec.ranks.count) + " ranks", "use one");
-        if (spec.start.given) refuse("runs that continue from another", "start the scene afresh");
         if (b.restored || !b.ids.empty())
             refuse("particles that are continued from another run", "start the scene afresh");
         if (!b.elements.empty()) refuse("elements", "fill it with particles");

@@ -67,11 +67,6 @@ def near_field(
     if flume.width != "half":
         raise SceneError(f"{label}: width is {flume.width!r}; expected 'half', which a strip can "
                          "be tiled to")  # fmt: skip
-    if flume.contact is not None:
-        raise SceneError(
-            f"{label}: contact is {flume.contact:g}; expected None: it continues "
-            "from a run with one velocity a node; run the whole flume with contact"
-        )
     if not STATIONS[0] < lower < STATIONS[-1]:
         raise SceneError(f"{label}: lower is {lower:g} m; expected between the stations, "
                          f"{STATIONS[0]:g} to {STATIONS[-1]:g} m")  # fmt: skip

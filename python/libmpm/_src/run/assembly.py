@@ -244,9 +244,7 @@ class Assembly:
         if len(scene.boundaries) > start.boundaries:
             snapshots.check_new_boundaries(scene)
         source = checkpoints.load_checkpoint(Path(start.checkpoint))
-        self._loads_state = start.as_it_was(
-            len(scene.bodies), scene.sensors, self.requested["time_step"]
-        )
+        self._loads_state = start.as_it_was(scene, self.requested["time_step"])
         if start.tiles > 1 or start.first_cell is not None:
             source.sensors.clear()
         self.restored = source

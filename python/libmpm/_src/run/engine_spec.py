@@ -157,7 +157,7 @@ def _added(
     start = scene.start
     if (
         start is None
-        or start.as_it_was(len(scene.bodies), scene.sensors, time_step)
+        or start.as_it_was(scene, time_step)
         or not with_particles
     ):
         return {}

@@ -73,12 +73,14 @@ def check_elements(check: Checker, scene: SceneData, body: Body, doubts: list[st
 
 
 def check_continued(scene: SceneData, problems: list[str]) -> None:
-    """Refuse scenes that continue from a run and have bodies of elements, of it or new ones."""
-    for body in scene.bodies if scene.start is not None else ():
-        if isinstance(body.shape, ElementMesh):
+    """Refuse scenes that continue from a run whose own bodies are of elements."""
+    if scene.start is None:
+        return
+    for body in scene.bodies:
+        if isinstance(body.shape, ElementMesh) and scene.start.restored(body.name) is not None:
             problems.append(
-                f"body '{body.name}': {body.shape.label} in a scene that continues from another "
-                "run; expected bodies of particles; resume the run itself, or begin afresh"
+                f"body '{body.name}': {body.shape.label} of the run that the scene continues from; "
+                "expected bodies of particles there; resume the run itself, or begin afresh"
             )
 
 

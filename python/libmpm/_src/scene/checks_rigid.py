@@ -23,11 +23,6 @@ def check_rigid(check: Checker, scene: SceneData, body: Body) -> None:
         check.fail(what)
     if scene.grid is not None:
         check.fail("Rigid on a grid of functions; expected square or cubic cells; leave grid out")
-    if scene.start is not None:
-        check.fail(
-            f"Rigid in a scene that continues from {scene.start.checkpoint}; expected a scene of "
-            "its own; resume the run with Simulation.resume, or begin afresh"
-        )
     for boundary in scene.boundaries:
         if any(r.asks_for_linear for r in boundary.responses):
             check.fail(

@@ -425,12 +425,6 @@ def _check_scene(scene: SceneData, groups: Groups, problems: list[str]) -> None:
             f"transfer '{transfer.scheme}' with contacts, which sweep over the grid after contact; "
             "expected another transfer; use APIC, or remove the contacts"
         )
-    if scene.start is not None:
-        first.fail(
-            f"the scene continues from {scene.start.checkpoint}, which stores one velocity a node; "
-            "expected a scene of its own; resume the run with Simulation.resume, or remove the "
-            "contacts"
-        )
     problems += first.problems
     named = groups.named() | set(rigid)
     for boundary in scene.boundaries:

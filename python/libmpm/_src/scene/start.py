@@ -16,6 +16,7 @@ from libmpm._src.errors import CheckpointError
 from libmpm._src.sensors.engine_sensors import Energy, WaveGauge
 
 if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import PlacedSensor
 
 __all__ = ["RestoredBody", "Start", "digest_of"]
@@ -156,19 +157,19 @@ class Start(Value):
                 "make the scene again with Scene.from_checkpoint"
             )
 
-    def as_it_was(
-        self, bodies: int, sensors: Sequence[PlacedSensor], time_step: float | None
-    ) -> bool:
+    def as_it_was(self, scene: SceneData, time_step: float | None) -> bool:
         """Return whether a run can load the checkpoint's state as it is.
 
-        It has so many bodies, these sensors, and was asked for this time step, s.
+        `scene` is what continues from here, `time_step` what its run was asked for, s. With
+        contacts bodies have velocities of their own, which the checkpoint has not.
         """
         return (
             self.tiles == 1
             and self.first_cell is None
             and time_step == self.time_step
-            and bodies == len(self.bodies)
-            and not self._kept_apart(sensors)
+            and len(scene.bodies) == len(self.bodies)
+            and not scene.contacts
+            and not self._kept_apart(scene.sensors)
         )
 
     def _kept_apart(self, sensors: Sequence[PlacedSensor]) -> bool:
