@@ -35,6 +35,16 @@ struct DistanceField {
         return find_key(keys, count, key);
     }
 
+    /// May the field know of a point within so many m, along each axis?
+    MPM_HD bool reaches(const double (&x)[D], double metres) const {
+        bool near = true;
+        for (int a = 0; a < D; ++a) {
+            const double first = origin[a] + double(low[a] * edge) / per_metre,
+                         last = origin[a] + double((low[a] + counts[a]) * edge) / per_metre;
+            near = near && x[a] > first - metres && x[a] < last + metres;
+        }
+        return near;
+    }
     /// Distance in m and its gradient, of unit length; false outside the field. Deep inside the
     /// gradient is zero.
     MPM_HD bool at(const double (&x)[D], double& distance, double (&normal)[D]) const {

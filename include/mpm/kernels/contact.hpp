@@ -179,7 +179,8 @@ struct NodeContact {
             if (f.of[k] != i) continue;
             const std::int64_t at = listed_at(f.slot[k], n);
             const Vec<T, D> v = node.template wall_velocity<false>(
-                f.slot[k], n, f.mass[k], node.momentum(f.slot[k], n), known.at(at), at,
+                f.slot[k], n, f.mass[k], node.momentum(f.slot[k], n),
+                node.known_of(known, at, f.slot[k], n), at,
                 Told<Seen>{&f.held[i], &seen, &f, k, k + 1, i});
             m += f.mass[k];
             for (int a = 0; a < D; ++a) p[a] += f.mass[k] * v[a];
@@ -214,8 +215,10 @@ struct NodeContact {
         BoundAxes<D> bound;
         if (on_lines(f.slot[i])) {
             const std::int64_t at = listed_at(f.slot[i], n);
-            bound = FollowLines<NodeUpdate<T, Sum, D>, T, D>{node, known.at(at), at}.keep_on_lines(
-                f.slot[i], c, f.lined[i], v, seen);
+            bound =
+                FollowLines<NodeUpdate<T, Sum, D>, T, D>{node,
+                                                         node.known_of(known, at, f.slot[i], n), at}
+                    .keep_on_lines(f.slot[i], c, f.lined[i], v, seen);
         }
         apply_boundaries<true>(node.boundaries, c, v, seen, share, bound);
     }

@@ -93,6 +93,13 @@ struct NodeUpdate {
         }
         return v;
     }
+    /// What is known of a node, now.
+    MPM_INLINE KnownNodes<D> known_of(const KnownNodes<D>& all, std::int64_t at, std::int32_t slot,
+                                      int node) const {
+        std::int64_t c[D];
+        cell(slot, node, c);
+        return all.at(at, boundaries, c);
+    }
     /// Of a node in a block that boundaries touch, mirrors excepted; `known`: its lines, packed.
     /// `plain`: it is on lines, and nothing else holds it. `seated`: `FollowLines` says what.
     template <bool plain, bool seated = false, class Seen>
@@ -107,7 +114,7 @@ struct NodeUpdate {
         } else {
             const WallAsks asks = known.asks ? known.asks[at] : WallAsks(~WallNode::free);
             BoundAxes<D> bound;
-            if (boundaries.lines && (asks & ~WallNode::held)) {
+            if (boundaries.lines && (asks & ~(WallNode::held | WallNode::watched))) {
                 const FollowLines<NodeUpdate, T, D, false, seated> lines{*this, known, at, seats};
                 if constexpr (seated)
                     bound = lines(slot, node, c, m, v, seen);
@@ -164,7 +171,8 @@ struct NodeUpdate {
             if (all.asks[at] == WallNode::on_lines)
                 wall_velocity<true>(slot, node, m, p, all, at, seen);
             else if (all.asks[at] != WallNode::free)
-                wall_velocity<false>(slot, node, m, p, all.at(at), at, seen, seats);
+                wall_velocity<false>(slot, node, m, p, known_of(all, at, slot, node), at, seen,
+                                     seats);
         }
     }
     template <class Seen>

@@ -82,6 +82,22 @@ MPM_INLINE bool moving_near(const BoundaryView<D>& all, const std::int64_t (&cel
     return false;
 }
 
+/// Is a node within some cells of a boundary that moves, where that is now?
+template <int D>
+MPM_INLINE bool moved_near(const BoundaryView<D>& all, const std::int64_t (&cell)[D], int cells) {
+    double x[D], there[D];
+    node_position<D>(cell, all.cell_size, x);
+    for (int b = 0; b < all.count; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (r.surface == 0) continue;
+        const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
+        if (s.at_rest()) continue;
+        s.to_body(x, there);
+        if (s.field.reaches(there, cells * all.cell_size)) return true;
+    }
+    return false;
+}
+
 template <int D>
 MPM_INLINE void moved_along(const std::int64_t (&cell)[D], int axis, std::int64_t by,
                             std::int64_t (&out)[D]) {
@@ -353,7 +369,11 @@ struct WallNode {
     static constexpr WallAsks surface = 2;   // on a line towards one, held or pushed by it
     static constexpr WallAsks edges = 4;     // of boxes, beside it or what it shares a line with
     static constexpr WallAsks held = 8;      // by boundaries whose cells are not linear
-    static constexpr WallAsks unknown = 16;  // it changes with time
+    static constexpr WallAsks watched = 16;  // a boundary that moves may come near, and is not now
+    static constexpr WallAsks unknown = 32;  // it changes with time
+    /// Cells from a node within which a boundary that moves changes what is known of it: further
+    /// than lines look from any node of its own. What is known lists those that are not so near.
+    static constexpr int aware = 20;
 
     /// Is it moved with those that need all functions?
     MPM_INLINE static bool needs_all(WallAsks asks) { return asks > on_lines && asks != held; }
@@ -375,8 +395,11 @@ struct KnownNodes {
         return std::int64_t(listed[slot] - 1) * block_cells + node;
     }
     /// All this, or nothing of a node that has to find out for itself.
-    MPM_INLINE KnownNodes at(std::int64_t place) const {
-        return asks && asks[place] != WallNode::unknown ? *this : KnownNodes{};
+    MPM_INLINE KnownNodes at(std::int64_t place, const BoundaryView<D>& all,
+                             const std::int64_t (&cell)[D]) const {
+        if (!asks || asks[place] == WallNode::unknown) return {};
+        const bool near = asks[place] & WallNode::watched && moved_near(all, cell, WallNode::aware);
+        return near ? KnownNodes{} : *this;
     }
 
     MPM_INLINE const SurfaceNode<D>* of(std::int32_t slot, int node) const {

@@ -106,7 +106,7 @@ struct FollowLines {
         if (node.pressure_count == 0) return;
         const bool listed = known.asks && known.listed[slot] > 0;
         const WallAsks asks = listed ? known.asks[known.place(slot, number)] : WallNode::unknown;
-        if (asks & (WallNode::edges | WallNode::unknown))
+        if (asks & (WallNode::edges | WallNode::watched | WallNode::unknown))
             push_at_edges(slot, number, cell, mass, v, seen);
         const SurfaceNode<D>* s = known.of(slot, number);
         if (!s || !s->pushed()) return;

@@ -18,8 +18,9 @@ struct Acted {
 };
 
 /// What the nodes of the listed blocks ask for, their lines, and what they see of linear surfaces,
-/// where none of it changes with time. Where something that moves or does not always act may come
-/// near, or where two surfaces meet, nodes are `unknown` and find out in each step.
+/// where none of it changes with time. Where something that moves is near or what does not always
+/// act may be, or where two surfaces meet, nodes are `unknown` and find out in each step; where
+/// something that moves may come they are `watched`, and find out once it has come.
 template <int D>
 struct ClassifyWallNodes {
     BlockTableView<D> table;
@@ -62,7 +63,8 @@ struct ClassifyWallNodes {
             beside = b;
             ++near;
         }
-        bool unknown = near > 1 || moving_near<D>(boundaries, cell, far_off);
+        const bool watched = moving_near<D>(boundaries, cell, far_off);
+        bool unknown = near > 1 || (watched && moved_near<D>(boundaries, cell, WallNode::aware));
         for (int b = 0; b < boundaries.count; ++b) unknown = unknown || may_change(b, cell);
         if (surfaces) {
             SurfaceNode<D> seen;
@@ -72,8 +74,8 @@ struct ClassifyWallNodes {
                 const SurfaceView<D> view(boundaries, s, cell);
                 const SurfaceLine<D> line = surface_line<D>(boundaries, beside, cell, alone);
                 seen = SurfaceNode<D>(beside, view, line);
-                if (line.state != SurfaceLine<D>::on && view.axis >= 0 && view.distance < 2.2 &&
-                    !view.deep() && near_edge<D>(boundaries, s, cell, view))
+                if (!watched && line.state != SurfaceLine<D>::on && view.axis >= 0 &&
+                    view.distance < 2.2 && !view.deep() && near_edge<D>(boundaries, s, cell, view))
                     seen.cut = CutSpline<D>(boundaries, s, cell);
                 if (line.state == SurfaceLine<D>::held) {
                     double x[D], there[D];
@@ -89,7 +91,8 @@ struct ClassifyWallNodes {
         asks[i] = unknown
                       ? WallNode::unknown
                       : WallAsks((on ? WallNode::on_lines : 0) | (surface ? WallNode::surface : 0) |
-                                 (edge ? WallNode::edges : 0) | (held ? WallNode::held : 0));
+                                 (edge ? WallNode::edges : 0) | (held ? WallNode::held : 0) |
+                                 (watched ? WallNode::watched : 0));
         of_pass[int(WallPass::lines)][i] = asks[i] == WallNode::on_lines;
         of_pass[int(WallPass::held)][i] = asks[i] == WallNode::held;
         of_pass[int(WallPass::all)][i] = WallNode::needs_all(asks[i]);
@@ -166,9 +169,10 @@ struct MoveWallNodes {
         if constexpr (of == WallPass::held)
             v = node.held_velocity(slot, n, m, p, seen);
         else if constexpr (of == WallPass::lines)
-            v = node.template wall_velocity<true>(slot, n, m, p, known.at(i), i, seen);
+            v = node.template wall_velocity<true>(slot, n, m, p, known, i, seen);
         else
-            v = node.template wall_velocity<false, true>(slot, n, m, p, known.at(i), i, seen,
+            v = node.template wall_velocity<false, true>(slot, n, m, p,
+                                                         node.known_of(known, i, slot, n), i, seen,
                                                          WallSeats<T>{to.seat, to.asks});
         for (int a = 0; a < D; ++a) to.velocity[i * D + a] = v[a];
         to.changed[i] = changed;

@@ -155,11 +155,7 @@ def _added(
     if scene.grid is not None:
         return {"grid": scene.grid.specification()}
     start = scene.start
-    if (
-        start is None
-        or start.as_it_was(scene, time_step)
-        or not with_particles
-    ):
+    if start is None or start.as_it_was(scene, time_step) or not with_particles:
         return {}
     from libmpm._src.run.checkpoint_state import snapshot
 
