@@ -222,33 +222,50 @@ struct NodeContact {
         }
         apply_boundaries<true>(node.boundaries, c, v, seen, share, bound);
     }
-    /// The part, 0 to 1, of a change of velocity that boundaries let a field have.
+    /// The part, 0 to 1, of a change of velocity along a unit vector that boundaries let a field
+    /// have, asked for with a change by `by`. `given`: what the field gets of a change by one.
     template <class Seen = NothingSeen>
     MPM_INLINE T part_given(int n, const Fields& f, int i, const Vec<T, D>& along, T by,
-                            const Seen* = nullptr) const {
+                            const Seen* = nullptr, Vec<T, D>* given = nullptr) const {
         bool changed = false;
         Vec<T, D> v = f.velocity[i];
         for (int x = 0; x < D; ++x) v[x] += by * along[x];
         respond(n, f, i, v, Told<Seen>{&changed, nullptr, &f, 0, 0, i});
+        if (given) *given = along;
         if (!changed || by == T(0)) return T(1);
         T got = 0;
-        for (int x = 0; x < D; ++x) got += (v[x] - f.velocity[i][x]) * along[x];
+        for (int x = 0; x < D; ++x) {
+            v[x] -= f.velocity[i][x];
+            got += v[x] * along[x];
+        }
         const T part = got / by;
-        return part > T(0) ? (part < T(1) ? part : T(1)) : T(0);
+        if (!(part > T(0) && part < T(1))) {
+            if (given && !(part > T(0))) *given = Vec<T, D>{};
+            return part > T(0) ? T(1) : T(0);
+        }
+        for (int x = 0; x < D && given; ++x) (*given)[x] = v[x] / by;
+        return part;
     }
-    /// The reduced mass of two fields along a direction, in which they approach at `speed`: where a
-    /// boundary holds one of them that is the mass of the other. `mass`: of both as if free.
+    /// The reduced mass of two fields along a unit vector, in which they approach at `speed` more
+    /// than is allowed: where a boundary holds one of them that is the mass of the other. `mass`:
+    /// of both as if free. `w`: their relative velocity, where `mass_beside_walls` is asked for.
     template <class Seen>
     MPM_INLINE T mass_beside_boundaries(int n, const Fields& f, int a, int b,
                                         const Vec<T, D>& along, T speed, T mass, bool& limited,
-                                        const Seen* told) const {
+                                        const Seen* told, const Vec<T, D>* w = nullptr,
+                                        T allowed = 0) const {
         const T push = mass * speed;
-        const T of_a = part_given(n, f, a, along, -push / f.together[a], told),
-                of_b = part_given(n, f, b, along, push / f.together[b], told);
+        Vec<T, D> mobility, by_b;
+        const T of_a = part_given(n, f, a, along, -push / f.together[a], told, &mobility),
+                of_b = part_given(n, f, b, along, push / f.together[b], told, &by_b);
         if (of_a == T(1) && of_b == T(1)) return mass;
         limited = true;
         const T inverse = of_a / f.together[a] + of_b / f.together[b];
-        return inverse > T(0) ? T(1) / inverse : T(0);
+        if (!(inverse > T(0))) return T(0);
+        if (!w) return T(1) / inverse;
+        for (int x = 0; x < D; ++x)
+            mobility[x] = mobility[x] / f.together[a] + by_b[x] / f.together[b];
+        return mass_beside_walls<T, D>(mobility, *w, inverse, speed, allowed);
     }
 
     /// The impulse that two fields exchange, on all that is stuck to them.
@@ -284,8 +301,9 @@ struct NodeContact {
                 across += slide[x] * slide[x];
             }
             across = square_root(across);
-            mass_along =
-                mass_beside_boundaries(n, f, a, b, normal, along - allowed, mass, limited, &seen);
+            mass_along = mass_beside_boundaries(n, f, a, b, normal, along - allowed, mass, limited,
+                                                &seen, &w, allowed);
+            if (!(mass_along > T(0))) return;
             if (across > T(0)) {
                 for (int x = 0; x < D; ++x) slide[x] /= across;
                 mass_across =

@@ -145,4 +145,26 @@ MPM_INLINE bool contact_impulse(const ContactLaw& law, const Vec<T, D>& n, const
     return true;
 }
 
+/// The mass that the impulse between two bodies meets along n where boundaries turn its push: the
+/// relative velocity w = v_a - v_b then changes by the impulse times -`mobility`. `inverse`:
+/// n · mobility > 0, `speed`: w · n - allowed > 0.
+///
+/// What of w is not along the mobility no impulse changes: of two bodies at a wall, of which one is
+/// held and the other is moved across the wall by its neighbours, what they have across it. An
+/// impulse that took all of w · n by the little of n that lies along the wall would throw both out
+/// sideways, the further the less that is. So it takes no more of w than there is along the
+/// mobility. Where w has nothing else, the two are one.
+template <class T, int D>
+MPM_INLINE T mass_beside_walls(const Vec<T, D>& mobility, const Vec<T, D>& w, T inverse, T speed,
+                               T allowed) {
+    T square = 0, along = 0;
+    for (int a = 0; a < D; ++a) {
+        square += mobility[a] * mobility[a];
+        along += mobility[a] * w[a];
+    }
+    const T most = along / square - allowed / inverse;
+    if (!(most > T(0))) return T(0);
+    return most < speed / inverse ? most / speed : T(1) / inverse;
+}
+
 }  // namespace mpm

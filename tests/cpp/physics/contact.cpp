@@ -184,5 +184,54 @@ TEST(Contact, impulse_keeps_momentum_and_cone_and_takes_energy) {
     impulses<3>();
 }
 
+/// Two bodies at walls that leave each some axes: the normal leans against the wall by any angle.
+template <int D>
+void beside_walls() {
+    std::mt19937 random(7);
+    std::uniform_real_distribution<double> any(-1, 1), some(0.1, 2);
+    int same = 0, bounded = 0;
+    for (int k = 0; k < 4000; ++k) {
+        const double of_a = some(random), of_b = some(random), allowed = k % 3 == 0 ? 0.05 : 0;
+        const double leans = std::pow(10.0, -4.0 * std::abs(any(random)));  // along the wall
+        // Walls across the first axis hold both; every second pair meets there without approach.
+        const bool at_rest = k % 2 == 0;
+        Vec<double, D> n{}, w{}, mobility{};
+        n[0] = std::sqrt(1 - leans * leans);
+        n[D - 1] = leans;
+        for (int a = 0; a < D; ++a) {
+            w[a] = a == 0 && at_rest ? 0 : any(random);
+            mobility[a] = a == 0 ? 0 : n[a] * (1 / of_a + 1 / of_b);
+        }
+        double along = 0, inverse = 0;
+        for (int a = 0; a < D; ++a) {
+            along += w[a] * n[a];
+            inverse += mobility[a] * n[a];
+        }
+        const double speed = along - allowed;
+        if (!(speed > 0)) continue;
+        const double mass = mass_beside_walls<double, D>(mobility, w, inverse, speed, allowed);
+        EXPECT_GE(mass, 0);
+        EXPECT_LE(mass, (1 + 1e-12) / inverse);
+        if (at_rest) {  // they part by the gap, as far as walls let them
+            EXPECT_NEAR(mass * inverse, 1, 1e-9);
+            ++same;
+        }
+        double before = 0, after = 0;
+        for (int a = 0; a < D; ++a) {
+            const double now = w[a] - mass * speed * mobility[a];
+            before += w[a] * w[a];
+            after += now * now;
+        }
+        EXPECT_LE(after, before * (1 + 1e-12));  // whatever the wall's axis brings
+        if (mass < 0.5 / inverse) ++bounded;
+    }
+    EXPECT_GT(same, 200);
+    EXPECT_GT(bounded, 200);
+}
+TEST(Contact, impulse_beside_walls_takes_no_more_than_they_leave) {
+    beside_walls<2>();
+    beside_walls<3>();
+}
+
 }  // namespace
 }  // namespace mpm
