@@ -36,6 +36,7 @@ from result_pages import append, setting
 import libmpm
 from libmpm import debris, flumes
 from libmpm._src.cli import bench
+from libmpm._src.flumes.structures import add_contacts
 from libmpm._src.pictures.figures import Picture
 
 matplotlib.use("Agg")
@@ -62,6 +63,8 @@ class Ordered:
     def __init__(self, level: str, folder: Path, device: str, changes: Mapping[str, Any]) -> None:
         self.folder, self.device = folder / "water", device
         given = {"cell_size": 0.1 if level == "laptop" else 0.05} | dict(changes)
+        # What debris alone has.
+        self.own = {k: given.pop(k) for k in ("contact", "gap", "debris_modulus") if k in given}
         self.flume = flumes.LargeWaveFlume(width="half", structure="box", end=70.0, **given)
         self.until = LAST_PEAK - self.flume.clock
 
@@ -71,7 +74,7 @@ class Ordered:
 
     def facility(self, **row: Any) -> flumes.LargeWaveFlume:
         """Return the flume of a row."""
-        return dataclasses.replace(self.flume, debris=row["layout"])
+        return dataclasses.replace(self.flume, debris=row["layout"], **self.own)
 
     def scene(self, **row: Any) -> libmpm.Scene:
         """Return the near field of a row, from the one water run."""
@@ -121,6 +124,7 @@ class Random(Ordered):
         bar = field.prototypes[0]
         height = self.flume.still_water - 0.981 * bar.height
         field.add_to(made, elevation=height, subtract_from=("water",))
+        add_contacts(made, self.own.get("contact"))
         return made
 
     def response(self, case: Any) -> dict[str, float]:
@@ -204,7 +208,11 @@ class Rest:
     def facility(self, columns: int, layers: int, seed: int) -> flumes.WasedaBasin:
         """Return the basin of a row."""
         return flumes.WasedaBasin(
-            width="full", rows=columns, seed=seed, debris=f"3x{layers}-upstream", **self.changes
+            width="full",
+            rows=columns,
+            seed=seed,
+            debris=f"3x{layers}-upstream",
+            **({"contact": 0.3} | self.changes),
         )
 
     def scene(self, **row: Any) -> libmpm.Scene:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm import flumes
+from libmpm import boundaries, flumes, shapes
 from libmpm._src.flumes.debris import add_field
 from libmpm._src.flumes.structures import add_contacts
 
@@ -125,3 +125,85 @@ def test_box_and_bars_stand_in_the_cut_run_of_a_strip(tmp_path, monkeypatch):
             flume.near_field(tmp_path, **given)
     with pytest.raises(libmpm.SceneError, match="holds another run"):
         replace(flume, cell_size=0.25).near_field(tmp_path, **given)
+
+
+@pytest.mark.parametrize("contact", [True, False])
+@pytest.mark.parametrize("surface", [True, False])
+@pytest.mark.parametrize(
+    ("cell", "measured"), [("held", (0.39, 0.41)), ("auto", (0.40, 0.53)), ("linear", (0.40, 0.53))]
+)
+@pytest.mark.parametrize("first", [True, False])
+def test_friction_of_a_bed_is_felt_beside_the_bed(contact, surface, cell, measured, first):
+    """A block slows down by μ g, whichever of the two boundaries is defined first.
+
+    Where water shares its velocities a bed of linear cells has its pressing along lines, of which
+    held nodes, which rub, take more than their part.
+    """
+    low, high = (0.2, 0.08, 0.0), (0.26, 0.22, 0.06)
+    scene = libmpm.Scene(
+        dimension=3, cell_size=0.02, lower=(0.0, 0.0, -0.1), upper=(1.2, 0.3, 0.4),
+        gravity=(0.0, 0.0, -9.81),
+    )  # fmt: skip
+    soft = libmpm.materials.FixedCorotated(density=419.0, youngs_modulus=39e3, poissons_ratio=0.4)
+    scene.add_body(
+        name="debris-1", shape=shapes.Box(lower=low, upper=high), material=soft,
+        velocity=(1.0, 0.0, 0.0),
+    )  # fmt: skip
+    scene.add_body(
+        name="water", shape=shapes.Box(lower=(1.0, 0.0, 0.0), upper=(1.2, 0.3, 0.02)),
+        material=libmpm.materials.TaitFluid(bulk_modulus=2e5),
+    )  # fmt: skip
+    sides = shapes.DomainWalls(faces=("x-", "x+", "y-", "y+"))
+    scene.add_boundary(name="sides", shape=sides, response=boundaries.Separable())
+    ground = ((-1.0, 0.0), (2.0, 0.0), (2.0, -1.0), (-1.0, -1.0))
+    bed = shapes.Box(lower=(-1.0, -1.0, -1.0), upper=(2.0, 1.0, 0.0))
+    if surface:
+        bed = shapes.Extrusion(profile=ground, axis="y", lower=-1.0, upper=1.0)
+    if first:
+        flumes.add_bed_friction(scene, bed, {"debris-1": 0.4})
+    scene.add_boundary(name="bed", shape=bed, response=boundaries.Separable(cell=cell))
+    if not first:
+        flumes.add_bed_friction(scene, bed, {"debris-1": 0.4})
+    if contact:
+        scene.add_contact(name="afloat", between=("debris-1", "water"), law=libmpm.contacts.Fluid())
+    sim = libmpm.Simulation(scene, device="cpu", precision="single", threads=1)
+    speed = []
+    for until in (0.05, 0.15):
+        sim.run(until=until, progress=False)
+        speed.append(float(sim.particles["debris-1"]["velocity"][:, 0].mean()))
+    low, high = (0.39, 0.41) if contact and cell == "auto" else measured
+    assert low < (speed[0] - speed[1]) / 0.1 / 9.81 < high
+
+
+@pytest.mark.parametrize(
+    ("response", "rises"), [(boundaries.Slip(), False), (boundaries.Separable(), True)]
+)
+def test_water_lifts_a_piece_off_a_bed_that_lets_go(response, rises):
+    """Off `Slip` nothing comes, and validate says so of what is lighter than a fluid."""
+    scene = libmpm.Scene(
+        dimension=2, cell_size=0.015, lower=(0.0, 0.0), upper=(1.5, 0.6), gravity=(0.0, -9.81)
+    )
+    scene.add_body(
+        name="water", shape=shapes.Box(lower=(0.0, 0.0), upper=(0.45, 0.3)),
+        material=libmpm.materials.TaitFluid(bulk_modulus=2e5),
+    )  # fmt: skip
+    scene.add_body(
+        name="debris-1", shape=shapes.Box(lower=(0.75, 0.0), upper=(0.9, 0.06)),
+        material=libmpm.materials.FixedCorotated(
+            density=419.0, youngs_modulus=39e3, poissons_ratio=0.4
+        ),
+    )  # fmt: skip
+    scene.add_boundary(name="walls", shape=shapes.DomainWalls(), response=response)
+    scene.add_contact(name="afloat", between=("debris-1", "water"), law=libmpm.contacts.Fluid())
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        scene.validate()
+    held = [str(w.message) for w in said if "lies on boundary 'walls'" in str(w.message)]
+    assert bool(held) != rises and ("boundaries.Separable" in "".join(held)) != rises
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", libmpm.ModelWarning)
+        sim = libmpm.Simulation(scene, device="cpu", precision="single", threads=1)
+        sim.run(until=4.0, progress=False)
+    height = float(sim.particles["debris-1"]["position"][:, 1].mean())
+    # Depth 0.09 m less a draught of 0.419 of its own 0.06 m, which sloshes yet.
+    assert (height > 0.06) if rises else (height == pytest.approx(0.03, abs=0.003))

@@ -124,19 +124,60 @@ struct WholeShare {
     MPM_INLINE double operator()(std::uint64_t) const { return 1; }
 };
 
+/// What a boundary for some bodies alone makes of a node's velocity where others have changed that:
+/// it responds to what the node would do by itself, `free`, and what they have taken is not taken
+/// again. So friction beside a wall in the same place is that of what presses on both, whichever
+/// of them comes first. `held`: the others let the node go no other way along their change.
+template <class T, int D, class Seen>
+MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
+                                    const std::int64_t (&cell)[D], T part, const Vec<T, D>& free,
+                                    bool held, Vec<T, D>& v, const Seen& seen) {
+    const Reconverge at_return;
+    int face = 0;
+    Vec<T, D> u = free;
+    apply_boundary<true>(all, b, cell, BoundAxes<D>{}, u,
+                         [&](int, int at, const Vec<T, D>&, const Vec<T, D>&) { face = at; });
+    T size = 0, along = 0;
+    for (int a = 0; a < D; ++a) {
+        const T taken = v[a] - free[a];
+        size += taken * taken;
+        along += taken * (u[a] - free[a]);
+    }
+    // Of what it would take along their change, what is left of it.
+    T left = held ? T(0) : along / size - T(1);
+    if (!(left > T(0))) left = 0;
+    const Vec<T, D> before = v;
+    for (int a = 0; a < D; ++a) {
+        const T taken = before[a] - free[a];
+        v[a] += part * (u[a] - free[a] + (left - along / size) * taken);
+    }
+    seen(b, face, before, v);
+}
+
 /// `seen(boundary, face, before, after)` hears of every response. `share(channels)` is the part of
 /// the node's mass that a boundary acts on: the impulse of one that is for some bodies alone is
-/// that of their mass. `bound`: by lines towards walls.
+/// that of their mass. `bound`: by lines towards walls, from the velocity `by_itself`.
 template <bool special, class T, int D, class Seen, class Share = WholeShare>
 MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t (&cell)[D],
                                  Vec<T, D>& v, const Seen& seen, const Share& share = {},
-                                 const BoundAxes<D>& bound = {}) {
+                                 const BoundAxes<D>& bound = {},
+                                 const Vec<T, D>* by_itself = nullptr) {
+    [[maybe_unused]] const Vec<T, D> free = by_itself ? *by_itself : v;
     for (int b = 0; b < all.count; ++b) {
         if (!all.records[b].active) continue;
         if constexpr (special) {
             if (all.records[b].share != 0) {
                 const T part = T(share(all.records[b].share));
                 if (!(part > T(0))) continue;
+                bool others = false, lined = false;
+                for (int a = 0; a < D; ++a) {
+                    others = others || v[a] != free[a];
+                    lined = lined || bound.on[a];
+                }
+                if (others) {
+                    respond_beside_others<T, D>(all, b, cell, part, free, lined, v, seen);
+                    continue;
+                }
                 const auto of_part = [&](const Vec<T, D>& from, const Vec<T, D>& to) {
                     Vec<T, D> out;
                     for (int a = 0; a < D; ++a) out[a] = from[a] + part * (to[a] - from[a]);

@@ -212,6 +212,7 @@ struct NodeContact {
             }
             return part < all ? part / all : 1.0;
         };
+        const Vec<T, D> free = v;
         BoundAxes<D> bound;
         if (on_lines(f.slot[i])) {
             const std::int64_t at = listed_at(f.slot[i], n);
@@ -220,7 +221,7 @@ struct NodeContact {
                                                          node.known_of(known, at, f.slot[i], n), at}
                     .keep_on_lines(f.slot[i], c, f.lined[i], v, seen);
         }
-        apply_boundaries<true>(node.boundaries, c, v, seen, share, bound);
+        apply_boundaries<true>(node.boundaries, c, v, seen, share, bound, &free);
     }
     /// The part, 0 to 1, of a change of velocity along a unit vector that boundaries let a field
     /// have, asked for with a change by `by`. `given`: what the field gets of a change by one.

@@ -113,6 +113,7 @@ struct NodeUpdate {
             FollowLines<NodeUpdate, T, D, true>{*this, known, at}(slot, node, c, m, v, seen);
         } else {
             const WallAsks asks = known.asks ? known.asks[at] : WallAsks(~WallNode::free);
+            const Vec<T, D> free = v;
             BoundAxes<D> bound;
             if (boundaries.lines && (asks & ~(WallNode::held | WallNode::watched))) {
                 const FollowLines<NodeUpdate, T, D, false, seated> lines{*this, known, at, seats};
@@ -122,7 +123,7 @@ struct NodeUpdate {
                     bound = lines.called(slot, node, c, m, v, seen);
             }
             if (asks & WallNode::held)
-                apply_boundaries<true>(boundaries, c, v, seen, share(slot, node), bound);
+                apply_boundaries<true>(boundaries, c, v, seen, share(slot, node), bound, &free);
         }
         return v;
     }

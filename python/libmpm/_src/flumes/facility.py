@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self
 from libmpm._src.base.arguments import keywords_only
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.base.values import Checker, Value, nearest, shown
-from libmpm._src.boundaries.responses import Slip
+from libmpm._src.boundaries.responses import Separable, Slip
 from libmpm._src.errors import SceneError
 from libmpm._src.flumes.laboratory import Instrument
 from libmpm._src.methods.method import PACKING, FBar, Method
@@ -134,6 +134,8 @@ class Facility(Value):
     clock_offset: ClassVar[float] = 0.0
     #: Whether the wave breaks at once: linear cells by name at all walls, slices included.
     violent: ClassVar[bool] = False
+    #: Whether debris stands on its bed, off which water is to lift it.
+    stands: ClassVar[bool] = False
     #: Whether grains flow and not water: APIC by name.
     granular: ClassVar[bool] = False
     #: Whether it can be one cell wide, which `near_field` cuts and tiles.
@@ -287,8 +289,11 @@ class Facility(Value):
             return "default"
         return FBar(density=self.packing == "density", shifting=self.packing == "shifting")
 
-    def bed_response(self) -> Slip:
+    def bed_response(self) -> Slip | Separable:
         """Return what the bed does to water: held nodes in a calm slice, else linear cells.
+
+        Under debris that stands on it or may come to ground it lets go: off `Slip` no water lifts a
+        piece.
 
         Before a step or the foot of a slope of linear cells slow water crowds, which gauges there
         read (WG1 of the Directional Wave Basin by 2.7 cm rms in place of 1.2, `docs/flumes`); in
@@ -296,7 +301,7 @@ class Facility(Value):
         """
         if self.width == "slice" and not self.violent:
             return Slip(cell="held")
-        return self._wall()
+        return self._response(lets_go=self.stands and self.debris is not None)
 
     # For subclasses --------------------------------------------------------------------------
 
@@ -316,9 +321,17 @@ class Facility(Value):
             check.fail(f"contact is {self.contact:g} without debris; expected None; name debris")
         return found
 
-    def _wall(self) -> Slip:
-        """Return what walls at rest do: linear cells by name only without contacts."""
-        return wall() if self.violent and self.contact is None else Slip()
+    def _wall(self) -> Slip | Separable:
+        """Return what walls at rest do; of a plane of symmetry, off which nothing comes, too."""
+        whole = self.width == "full"
+        return self._response(lets_go=whole and self.stands and self.debris is not None)
+
+    def _response(self, *, lets_go: bool) -> Slip | Separable:
+        """Return a response with linear cells by name only without contacts."""
+        cell: Literal["linear", "auto"] = (
+            "linear" if self.violent and self.contact is None else "auto"
+        )
+        return Separable(cell=cell) if lets_go else Slip(cell=cell)
 
     def _gap(self, measured: float = 0.0) -> float:
         """Return the gap between pieces, m: `gap`, else the measured one, but two cells apart.

@@ -23,6 +23,7 @@ from libmpm._src.boundaries.responses import Prescribed, Sticky
 from libmpm._src.errors import SceneError
 from libmpm._src.grids import checks as grid_checks
 from libmpm._src.grids.shapes import Outline
+from libmpm._src.scene.checks_afloat import held_down
 from libmpm._src.scene.checks_bodies import (
     check_body,
     check_cfl,
@@ -139,6 +140,7 @@ def check_scene(scene: SceneData) -> tuple[list[str], list[str]]:
         check_reaction(scene, sensor, doubts)
     if not problems and scene.grid is None and scene.start is None:
         doubts += doubtful_contacts(scene)
+        doubts += held_down(scene)
         doubts += smeared_flows(scene)
         doubts += doubtful_loads(scene)
         doubts += undriven(scene)

@@ -1,0 +1,78 @@
+"""What water would lift and a boundary holds down: light bodies on faces that nothing comes off."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from libmpm._src.boundaries.responses import Slip, Sticky
+from libmpm._src.errors import SceneError
+from libmpm._src.scene.places import faces_present, initial_gravity
+from libmpm._src.shapes.boxes import DomainWalls, faces_of
+
+if TYPE_CHECKING:
+    from libmpm._src.scene.data import SceneData
+    from libmpm._src.scene.parts import Body, Boundary
+
+__all__ = ["held_down"]
+
+#: Cells above a face within which its nodes hold what lies there.
+_REACH = 1.0
+
+
+def held_down(scene: SceneData) -> list[str]:
+    """Return which solids lighter than a fluid lie on a face off which nothing comes."""
+    gravity = initial_gravity(scene)
+    if not np.any(gravity):
+        return []
+    axis = int(np.argmax(np.abs(gravity)))
+    density = {b.name: float(b.material.parameters()["density"]) for b in scene.bodies}
+    fluids = [b for b in scene.bodies if b.material.table.stores_volume]
+    if not fluids:
+        return []
+    heaviest = max(fluids, key=lambda b: density[b.name])
+    light = [b for b in scene.bodies
+             if not b.material.table.stores_volume and not b.pins
+             and density[b.name] < density[heaviest.name]]  # fmt: skip
+    found = []
+    for boundary in scene.boundaries:
+        if boundary.motion is not None:
+            continue
+        on = [b for b in light
+              if (not boundary.bodies or b.name in boundary.bodies)
+              and _lies_on(scene, b, boundary, axis, float(np.sign(gravity[axis])))]  # fmt: skip
+        if not on:
+            continue
+        first, more = on[0].name, f" (and {len(on) - 1} more)" if len(on) > 1 else ""
+        found.append(
+            f"body '{first}'{more}: lies on boundary '{boundary.name}', off whose face nothing "
+            f"comes, and is lighter than '{heaviest.name}' ({density[first]:g} of "
+            f"{density[heaviest.name]:g} kg/m³): water that reaches it does not lift it; expected "
+            "a face that lets go; use boundaries.Separable there"
+        )
+    return found
+
+
+def _lies_on(scene: SceneData, body: Body, boundary: Boundary, axis: int, down: float) -> bool:
+    """Return whether a body begins within a cell above a face that nothing comes off."""
+    try:
+        bounds = np.asarray(body.shape.bounds(), dtype=np.float64)
+    except SceneError:
+        return False
+    side = 0 if down < 0 else 1
+    reach = _REACH * scene.cell_size
+    if isinstance(boundary.shape, DomainWalls):
+        name = faces_of(scene.dimension)[2 * axis + side]
+        if name not in faces_present(scene, boundary):
+            return False
+        wall = (scene.lower, scene.upper)[side][axis]
+        holds = isinstance(boundary.response_at(name), Slip | Sticky)
+        return holds and bool(abs(bounds[side][axis] - wall) < reach)
+    if not all(isinstance(r, Slip | Sticky) for r in boundary.responses):
+        return False
+    foot = [np.linspace(bounds[0][a], bounds[1][a], 5)[1:-1] for a in range(scene.dimension)]
+    foot[axis] = bounds[side][axis : axis + 1]
+    points = np.array(list(itertools.product(*foot)))
+    return bool(np.any(boundary.shape.distance(points) < reach))
