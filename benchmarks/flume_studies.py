@@ -201,9 +201,9 @@ class Rest:
         self.until = flumes.WasedaBasin.of_case("0x0-up").until
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return rows of columns, layers of pieces and seeds."""
+        """Return rows of columns, layers of pieces and seeds: all set-ups before a second seed."""
         return [{"columns": rows, "layers": layers, "seed": seed}
-                for rows in (0, 1, 2) for layers in (1, 2) for seed in range(1, 6)]  # fmt: skip
+                for seed in range(1, 6) for rows in (0, 1, 2) for layers in (1, 2)]  # fmt: skip
 
     def facility(self, columns: int, layers: int, seed: int) -> flumes.WasedaBasin:
         """Return the basin of a row."""

@@ -123,7 +123,7 @@ def test_a_scene_that_continues_from_one_is_refused(tmp_path: Path) -> None:
     sim.step(20)
     sim.save_checkpoint(tmp_path / "end.npz")
     scene = libmpm.Scene.from_checkpoint(tmp_path / "end.npz")
-    with pytest.raises(SceneError, match=r"body 'block': shapes.Triangles in a scene that cont"):
+    with pytest.raises(SceneError, match=r"body 'block': shapes.Triangles of the run that"):
         scene.validate()
 
 

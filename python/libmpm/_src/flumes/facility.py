@@ -292,8 +292,9 @@ class Facility(Value):
     def bed_response(self) -> Slip | Separable:
         """Return what the bed does to water: held nodes in a calm slice, else linear cells.
 
-        Under debris that stands on it or may come to ground it lets go: off `Slip` no water lifts a
-        piece.
+        Under debris that stands on it or may come to ground it lets go, since off `Slip` no water
+        lifts a piece, and its nodes are held: linear cells that let go are not stable at the foot
+        of a step (water at rest before the quay of the Waseda basin, AFLIP 0.99, cells of 0.03 m).
 
         Before a step or the foot of a slope of linear cells slow water crowds, which gauges there
         read (WG1 of the Directional Wave Basin by 2.7 cm rms in place of 1.2, `docs/flumes`); in
@@ -301,7 +302,9 @@ class Facility(Value):
         """
         if self.width == "slice" and not self.violent:
             return Slip(cell="held")
-        return self._response(lets_go=self.stands and self.debris is not None)
+        if self.stands and self.debris is not None:
+            return Separable(cell="held")
+        return self._response(lets_go=False)
 
     # For subclasses --------------------------------------------------------------------------
 
