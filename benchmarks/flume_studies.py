@@ -238,7 +238,8 @@ class Rest:
             if values:
                 name = f"{columns} rows, {3 * layers} pieces"
                 axes.plot([k] * len(values), values, "o", markersize=4)
-                axes.plot([k], [3.58 - 0.09 * 3 * layers], "_", color="k", markersize=16)
+                if columns == 0:
+                    axes.plot([k], [3.58 - 0.09 * 3 * layers], "_", color="k", markersize=16)
                 found[name] = [statistics.median(values), min(values), max(values)]
         axes.set_xticks(range(6), [f"{c}/{3 * n}" for c in (0, 1, 2) for n in (1, 2)])
         axes.set_xlabel("rows of columns / pieces; bar: 3.58 - 0.09 N m without columns")
@@ -312,7 +313,7 @@ def main() -> int:
     axes = figure.add_subplot(1, 1, 1)
     rows = [dict(row) for row in result.rows]
     found = {k: v if isinstance(v, list) else float(v) for k, v in plan.report(rows, axes).items()}
-    seconds = [row["wall_time"] for row in rows if row.get("wall_time") is not None]
+    seconds = [row["wall_time"] for row in rows if row["status"] == "finished"]
     axes.set_title(f"{given.name}, {given.level}: {len(seconds)} cases", fontsize=10)
     figure.savefig(given.output / f"{given.name}.png", dpi=110)
     result.save_csv(given.output / f"{given.name}.csv")

@@ -403,7 +403,7 @@ TEST(Elements, refuse_by_name_what_is_not_built) {
     EXPECT_TRUE(names(with([](Spec& s) { s.transfer.scheme = "XPIC"; }), "XPIC"));
     EXPECT_TRUE(names(with([](Spec& s) { s.kernel.kernel = Kernel::cpdi; }), "cpdi"));
     EXPECT_TRUE(names(with([](Spec& s) { s.kernel.clamped = true; }), "boundary splines"));
-    EXPECT_TRUE(names(with([](Spec& s) { s.start.given = true; }), "continue"));
+    EXPECT_TRUE(names(with([](Spec& s) { s.bodies[0].restored = true; }), "continued"));
     EXPECT_TRUE(
         names(with([](Spec& s) { s.bodies[0].smoothing = SmoothingForm::two_volume; }), "F-bar"));
     EXPECT_EQ(with([](Spec& s) { s.bodies[0].damping = 0.1; }), "");
