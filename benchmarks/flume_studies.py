@@ -120,6 +120,8 @@ class Random(Ordered):
     def scene(self, **row: Any) -> libmpm.Scene:
         """Return the near field with bars beside the centreline, each with its image."""
         made = self.flume.near_field(self.folder, until=LAST_PEAK, device=self.device)
+        if "contact" in self.own:  # as the flume has its box then
+            made.replace("box", response=libmpm.boundaries.Separable(cell="auto"))
         field = self.field(**row)
         bar = field.prototypes[0]
         height = self.flume.still_water - 0.981 * bar.height

@@ -39,9 +39,10 @@ struct DistanceField {
     MPM_HD bool reaches(const double (&x)[D], double metres) const {
         bool near = true;
         for (int a = 0; a < D; ++a) {
-            const double first = origin[a] + double(low[a] * edge) / per_metre,
-                         last = origin[a] + double((low[a] + counts[a]) * edge) / per_metre;
-            near = near && x[a] > first - metres && x[a] < last + metres;
+            // No division: lanes of a warp that wait for others in one have waited forever.
+            const double u = (x[a] - origin[a]) * per_metre, more = metres * per_metre;
+            near = near && u > double(low[a] * edge) - more &&
+                   u < double((low[a] + counts[a]) * edge) + more;
         }
         return near;
     }

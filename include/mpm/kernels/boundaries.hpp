@@ -36,11 +36,17 @@ MPM_INLINE void node_position(const std::int64_t (&cell)[D], double cell_size, d
     for (int a = 0; a < D; ++a) x[a] = (double(cell[a]) + 0.5) * cell_size;
 }
 
+/// A law, without friction where that is not asked for.
+MPM_INLINE SurfaceLaw law_with(SurfaceLaw law, bool friction) {
+    if (!friction) law.static_friction = law.dynamic_friction = 0;
+    return law;
+}
+
 /// Boundaries that only some scenes have; true where the record is one of them and done with.
 template <class T, int D, class Seen>
 MPM_CALL bool apply_special(const BoundaryView<D>& all, int b, const std::int64_t (&cell)[D],
                             const Vec<T, D>& wall, const BoundAxes<D>& bound, Vec<T, D>& v,
-                            const Seen& seen) {
+                            const Seen& seen, bool rubs) {
     const Reconverge at_return;
     const BoundaryRecord<D>& r = all.records[b];
     double x[D];
@@ -50,8 +56,8 @@ MPM_CALL bool apply_special(const BoundaryView<D>& all, int b, const std::int64_
     if (r.surface > 0) {
         if (r.law[0].linear) return true;  // wall_lines.hpp
         const Vec<T, D> before = v;
-        if (respond_to_surface<T, D>(all.surfaces[r.surface - 1], r.law[0], x, wall, bound,
-                                     all.cell_size, v))
+        if (respond_to_surface<T, D>(all.surfaces[r.surface - 1], law_with(r.law[0], rubs), x, wall,
+                                     bound, all.cell_size, v))
             seen(b, 0, before, v);
         return true;
     }
@@ -66,12 +72,13 @@ MPM_CALL bool apply_special(const BoundaryView<D>& all, int b, const std::int64_
 
 template <bool special, class T, int D, class Seen>
 MPM_INLINE void apply_boundary(const BoundaryView<D>& all, int b, const std::int64_t (&cell)[D],
-                               const BoundAxes<D>& bound, Vec<T, D>& v, const Seen& seen) {
+                               const BoundAxes<D>& bound, Vec<T, D>& v, const Seen& seen,
+                               bool rubs = true) {
     const BoundaryRecord<D>& r = all.records[b];
     Vec<T, D> wall;
     for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
     if constexpr (special) {
-        if (apply_special<T, D>(all, b, cell, wall, bound, v, seen)) return;
+        if (apply_special<T, D>(all, b, cell, wall, bound, v, seen, rubs)) return;
     }
     if (!r.is_box) {
         // The wall of face x- lies at the lower side of cell 0: nodes 0 and beyond it are held.
@@ -87,7 +94,7 @@ MPM_INLINE void apply_boundary(const BoundaryView<D>& all, int b, const std::int
                 if (mirrors(r.law[face].response)) continue;
             }
             const Vec<T, D> before = v;
-            v = respond(r.law[face], a, face % 2 == 0 ? T(1) : T(-1), before, wall);
+            v = respond(law_with(r.law[face], rubs), a, face % 2 == 0 ? T(1) : T(-1), before, wall);
             seen(b, face, before, v);
         }
         return;
@@ -114,7 +121,7 @@ MPM_INLINE void apply_boundary(const BoundaryView<D>& all, int b, const std::int
             if (r.law[f].linear && least < 1) continue;  // wall_lines.hpp
         }
         const Vec<T, D> before = v;
-        v = respond(r.law[f], f / 2, f % 2 == 0 ? T(-1) : T(1), before, wall);
+        v = respond(law_with(r.law[f], rubs), f / 2, f % 2 == 0 ? T(-1) : T(1), before, wall);
         seen(b, f, before, v);
     }
 }
@@ -124,34 +131,53 @@ struct WholeShare {
     MPM_INLINE double operator()(std::uint64_t) const { return 1; }
 };
 
-/// What a boundary for some bodies alone makes of a node's velocity where others have changed that:
-/// it responds to what the node would do by itself, `free`, and what they have taken is not taken
-/// again. So friction beside a wall in the same place is that of what presses on both, whichever
-/// of them comes first. `held`: the others let the node go no other way along their change.
+/// Velocity of a boundary at a node.
+template <class T, int D>
+MPM_INLINE Vec<T, D> velocity_of_boundary(const BoundaryView<D>& all, int b,
+                                          const std::int64_t (&cell)[D]) {
+    const BoundaryRecord<D>& r = all.records[b];
+    double x[D], moving[D] = {};
+    node_position<D>(cell, all.cell_size, x);
+    if (r.surface > 0) all.surfaces[r.surface - 1].velocity_at(x, moving);
+    Vec<T, D> out;
+    for (int a = 0; a < D; ++a) out[a] = T(r.velocity[a]) + T(moving[a]);
+    return out;
+}
+
+/// What a boundary for some bodies alone, `part` of the node's mass, makes of a node's velocity
+/// where other walls have changed that by `taken`: it responds to what the node would do by itself,
+/// `free`. Of what it takes across itself, that which others have taken is not taken again, nothing
+/// where lines hold the node (`lined`); along itself it rubs with all that presses there, and stops
+/// the node at most. So friction beside a wall in the same place is that of what presses on both,
+/// whichever of them comes first. `seen` hears of it once, with the last of its faces.
 template <class T, int D, class Seen>
 MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
                                     const std::int64_t (&cell)[D], T part, const Vec<T, D>& free,
-                                    bool held, Vec<T, D>& v, const Seen& seen) {
+                                    const Vec<T, D>& taken, bool lined, Vec<T, D>& v,
+                                    const Seen& seen) {
     const Reconverge at_return;
-    int face = 0;
-    Vec<T, D> u = free;
-    apply_boundary<true>(all, b, cell, BoundAxes<D>{}, u,
-                         [&](int, int at, const Vec<T, D>&, const Vec<T, D>&) { face = at; });
-    T size = 0, along = 0;
+    int face = -1;
+    const auto hears = [&](int, int at, const Vec<T, D>&, const Vec<T, D>&) { face = at; };
+    Vec<T, D> smooth = free, rough = free;
+    apply_boundary<true>(all, b, cell, BoundAxes<D>{}, smooth, hears, false);
+    apply_boundary<true>(all, b, cell, BoundAxes<D>{}, rough, hears, true);
+    const Vec<T, D> wall = velocity_of_boundary<T, D>(all, b, cell);
+    T size = 0, done = 0, rubs = 0, slides = 0;
     for (int a = 0; a < D; ++a) {
-        const T taken = v[a] - free[a];
-        size += taken * taken;
-        along += taken * (u[a] - free[a]);
+        const T across = smooth[a] - free[a], along = rough[a] - smooth[a];
+        size += across * across;
+        done += across * taken[a];
+        rubs += along * along;
+        slides -= along * (v[a] - wall[a]);
     }
-    // Of what it would take along their change, what is left of it.
-    T left = held ? T(0) : along / size - T(1);
-    if (!(left > T(0))) left = 0;
+    T left = lined || !(size > T(0)) ? T(0) : T(1) - done / size;
+    left = left > T(0) ? (left < T(1) ? left : T(1)) : T(0);
+    T share = rubs > T(0) ? slides / rubs : T(0);
+    share = share > T(0) ? (share < T(1) ? share : T(1)) : T(0);
     const Vec<T, D> before = v;
-    for (int a = 0; a < D; ++a) {
-        const T taken = before[a] - free[a];
-        v[a] += part * (u[a] - free[a] + (left - along / size) * taken);
-    }
-    seen(b, face, before, v);
+    for (int a = 0; a < D; ++a)
+        v[a] += part * (left * (smooth[a] - free[a]) + share * (rough[a] - smooth[a]));
+    if (face >= 0) seen(b, face, before, v);
 }
 
 /// `seen(boundary, face, before, after)` hears of every response. `share(channels)` is the part of
@@ -162,20 +188,25 @@ MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t 
                                  Vec<T, D>& v, const Seen& seen, const Share& share = {},
                                  const BoundAxes<D>& bound = {},
                                  const Vec<T, D>* by_itself = nullptr) {
+    // What boundaries for some bodies alone have not changed, and where it began.
     [[maybe_unused]] const Vec<T, D> free = by_itself ? *by_itself : v;
+    [[maybe_unused]] Vec<T, D> taken{};
+    [[maybe_unused]] bool others = false, lined = false;
+    if constexpr (special) {
+        for (int a = 0; a < D; ++a) {
+            taken[a] = v[a] - free[a];
+            others = others || taken[a] != T(0);
+            lined = lined || bound.on[a];
+        }
+    }
     for (int b = 0; b < all.count; ++b) {
         if (!all.records[b].active) continue;
         if constexpr (special) {
             if (all.records[b].share != 0) {
                 const T part = T(share(all.records[b].share));
                 if (!(part > T(0))) continue;
-                bool others = false, lined = false;
-                for (int a = 0; a < D; ++a) {
-                    others = others || v[a] != free[a];
-                    lined = lined || bound.on[a];
-                }
                 if (others) {
-                    respond_beside_others<T, D>(all, b, cell, part, free, lined, v, seen);
+                    respond_beside_others<T, D>(all, b, cell, part, free, taken, lined, v, seen);
                     continue;
                 }
                 const auto of_part = [&](const Vec<T, D>& from, const Vec<T, D>& to) {
@@ -191,8 +222,15 @@ MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t 
                 v = of_part(before, v);
                 continue;
             }
+            const Vec<T, D> before = v;
+            apply_boundary<true>(all, b, cell, bound, v, seen);
+            for (int a = 0; a < D; ++a) {
+                taken[a] += v[a] - before[a];
+                others = others || v[a] != before[a];
+            }
+        } else {
+            apply_boundary<false>(all, b, cell, bound, v, seen);
         }
-        apply_boundary<special>(all, b, cell, bound, v, seen);
     }
 }
 

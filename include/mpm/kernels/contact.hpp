@@ -263,7 +263,8 @@ struct NodeContact {
         limited = true;
         const T inverse = of_a / f.together[a] + of_b / f.together[b];
         if (!(inverse > T(0))) return T(0);
-        if (!w) return T(1) / inverse;
+        // Where one of them is free, it takes what the other does not.
+        if (!w || of_a == T(1) || of_b == T(1)) return T(1) / inverse;
         for (int x = 0; x < D; ++x)
             mobility[x] = mobility[x] / f.together[a] + by_b[x] / f.together[b];
         return mass_beside_walls<T, D>(mobility, *w, inverse, speed, allowed);

@@ -87,15 +87,16 @@ template <int D>
 MPM_INLINE bool moved_near(const BoundaryView<D>& all, const std::int64_t (&cell)[D], int cells) {
     double x[D], there[D];
     node_position<D>(cell, all.cell_size, x);
+    bool near = false;
     for (int b = 0; b < all.count; ++b) {
         const BoundaryRecord<D>& r = all.records[b];
         if (r.surface == 0) continue;
         const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
         if (s.at_rest()) continue;
         s.to_body(x, there);
-        if (s.field.reaches(there, cells * all.cell_size)) return true;
+        near = near || s.field.reaches(there, cells * all.cell_size);
     }
-    return false;
+    return near;
 }
 
 template <int D>

@@ -159,12 +159,13 @@ MPM_INLINE T mass_beside_walls(const Vec<T, D>& mobility, const Vec<T, D>& w, T 
                                T allowed) {
     T square = 0, along = 0;
     for (int a = 0; a < D; ++a) {
-        square += mobility[a] * mobility[a];
-        along += mobility[a] * w[a];
+        const T d = mobility[a] / inverse;  // of the order of one
+        square += d * d;
+        along += d * w[a];
     }
-    const T most = along / square - allowed / inverse;
+    const T most = along / square - allowed;
     if (!(most > T(0))) return T(0);
-    return most < speed / inverse ? most / speed : T(1) / inverse;
+    return most < speed ? most / (speed * inverse) : T(1) / inverse;
 }
 
 }  // namespace mpm

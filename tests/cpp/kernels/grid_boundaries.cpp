@@ -1,6 +1,7 @@
 // Which nodes a boundary holds, and by which of its faces.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <vector>
 
 #include "mpm/core/number.hpp"
@@ -64,6 +65,58 @@ TEST(DomainWalls, slip_on_every_face_and_corner) {
                     EXPECT_EQ(v[a], held ? 0 : a + 1) << x << ' ' << y << ' ' << z << " axis " << a;
                 }
             }
+}
+
+/// A bed below, a wall at the upper end of x, both smooth, and friction of some bodies alone in the
+/// bed's place, in the order of `order`; of a node of cell (x, 2, 0) that would go as `free`.
+Vec<double, 3> beside_others(const std::vector<char>& order, std::int64_t x,
+                             const Vec<double, 3>& free, double part, double mu = 0.4) {
+    const int cells[3] = {6, 5, 5};
+    std::vector<BoundaryRecord<3>> all;
+    for (const char kind : order) {
+        BoundaryRecord<3> r = walls<3>(cells, Response::separable);
+        for (int f = 0; f < 6; ++f) r.present[f] = f == (kind == 'w' ? 1 : 4);
+        if (kind == 'f') {
+            r.law[4].static_friction = r.law[4].dynamic_friction = mu;
+            r.share = 1;
+        }
+        all.push_back(r);
+    }
+    Vec<double, 3> v = free;
+    const std::int64_t cell[3] = {x, 2, 0};
+    apply_boundaries<true>(BoundaryView<3>{all.data(), int(all.size()), nullptr, 1.0, 1}, cell, v,
+                           NothingSeen{}, [part](std::uint64_t) { return part; });
+    return v;
+}
+
+TEST(ForSomeBodies, friction_is_of_all_that_presses_in_any_order) {
+    const Vec<double, 3> free{{1, 0, -1e-3}};
+    for (const std::vector<char>& order :
+         {std::vector<char>{'b', 'f'}, {'f', 'b'}, {'f'}, {'w', 'b', 'f'}, {'f', 'w', 'b'}}) {
+        const Vec<double, 3> v = beside_others(order, 2, free, 1);
+        EXPECT_NEAR(v[0], 1 - 0.4e-3, 1e-15);
+        EXPECT_NEAR(v[2], 0, 1e-15);
+        // In the corner with the wall everything is at rest, and nothing is lifted off the bed.
+        const Vec<double, 3> corner = beside_others(order, 5, free, 1);
+        if (order.size() == 3) {
+            EXPECT_NEAR(corner[0], 0, 1e-15);
+        }
+        EXPECT_NEAR(corner[2], 0, 1e-15);
+    }
+}
+
+TEST(ForSomeBodies, shares_add_up_and_stop_at_most) {
+    const Vec<double, 3> free{{1, 0, -1e-3}};
+    const Vec<double, 3> v = beside_others({'b', 'f', 'f'}, 2, free, 0.5);
+    EXPECT_NEAR(v[0], 1 - 0.4e-3, 1e-15);  // two halves of one friction
+    EXPECT_NEAR(v[2], 0, 1e-15);
+    const Vec<double, 3> stopped = beside_others({'b', 'f'}, 2, {{1e-4, 0, -1e-3}}, 1);
+    EXPECT_NEAR(stopped[0], 0, 1e-15);
+    EXPECT_NEAR(stopped[2], 0, 1e-15);
+    // Next to nothing pressed: nothing is divided by it.
+    const Vec<double, 3> calm = beside_others({'b', 'f'}, 2, {{1e-200, 0, -1e-200}}, 1);
+    EXPECT_TRUE(std::isfinite(calm[0]) && std::isfinite(calm[2]));
+    EXPECT_EQ(beside_others({'b', 'f'}, 2, {{1, 0, 1e-3}}, 1)[2], 1e-3);  // it may leave
 }
 
 TEST(DomainWalls, separable_lets_go) {

@@ -116,10 +116,9 @@ class DirectionalWaveBasin(Facility):
 
     Blocks share the velocity of the water at the nodes of the grid, unless `contact` gives them
     their own: they slide past each other and part then. Measured set-ups have it. Friction with
-    the platform acts on blocks alone, a tenth to a third too strongly without contact, each kind
-    with its own (`flumes.FRICTION`): pieces of a custom field are of the kind that their prototype
-    is named after, others need a number. Under blocks the bed lets go: off `Slip` no water lifts
-    one.
+    the platform acts on blocks alone, each kind with its own (`flumes.FRICTION`): pieces of a
+    custom field are of the kind that their prototype is named after, others need a number. Under
+    blocks the bed lets go, with held nodes: off `Slip` no water lifts one.
 
     Raises `SceneError`.
 

@@ -290,7 +290,7 @@ class Facility(Value):
         return FBar(density=self.packing == "density", shifting=self.packing == "shifting")
 
     def bed_response(self) -> Slip | Separable:
-        """Return what the bed does to water: held nodes in a calm slice, else linear cells.
+        """Return the response of the bed: held nodes in a calm slice, linear cells else.
 
         Under debris that stands on it or may come to ground it lets go, since off `Slip` no water
         lifts a piece, and its nodes are held: linear cells that let go are not stable at the foot

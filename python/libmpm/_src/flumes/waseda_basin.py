@@ -106,8 +106,8 @@ class WasedaBasin(Facility):
 
     Debris shares the velocity of the water at the nodes of the grid, unless `contact` gives it its
     own: pieces touch at the start then, slide and part. Measured set-ups have it. Friction with the
-    apron acts on debris alone; without contact it is felt a tenth to a third too strongly. With
-    debris apron and walls let go: off `Slip` no water lifts a piece.
+    apron acts on debris alone. With debris bed and walls let go, the bed with held nodes: off
+    `Slip` no water lifts a piece.
 
     Raises `SceneError`.
 
@@ -127,22 +127,16 @@ class WasedaBasin(Facility):
         "reduced": {"width": "slice", "cell_size": 0.03},
         "quick": {"width": "slice", "cell_size": 0.02},
         "laptop": {"width": "slice", "cell_size": 0.015},
-        "full": {
-            "width": "full",
-            "cell_size": 0.02,
-            "rows": 1,
-            "debris": "3x2-upstream",
-            "contact": _RUBS,
-        },
+        "full": {"width": "full", "cell_size": 0.02, "rows": 1, "debris": "3x2-upstream"},
     }
 
     cases: ClassVar[dict[str, tuple[str, dict[str, Any]]]] = {
         "waves": ("laptop", {}),
-        "0x0-up": ("full", {"rows": 0, "debris": "3x2-upstream"}),
-        "5x1-up": ("full", {"rows": 1, "debris": "3x2-upstream"}),
-        "5x2-up": ("full", {"rows": 2, "debris": "3x2-upstream"}),
-        "5x1-down": ("full", {"rows": 1, "debris": "3x2-downstream"}),
-        "5x2-down": ("full", {"rows": 2, "debris": "3x2-downstream"}),
+        "0x0-up": ("full", {"rows": 0, "debris": "3x2-upstream", "contact": _RUBS}),
+        "5x1-up": ("full", {"rows": 1, "debris": "3x2-upstream", "contact": _RUBS}),
+        "5x2-up": ("full", {"rows": 2, "debris": "3x2-upstream", "contact": _RUBS}),
+        "5x1-down": ("full", {"rows": 1, "debris": "3x2-downstream", "contact": _RUBS}),
+        "5x2-down": ("full", {"rows": 2, "debris": "3x2-downstream", "contact": _RUBS}),
     }
 
     cell_size: float = given("edge Δx of the cells", default=0.015, unit="m", above=0, high=0.05)

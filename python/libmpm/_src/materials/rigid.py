@@ -33,7 +33,7 @@ class Rigid(Material):
     bodies alone needs `Method(time_step=)`. `sensors.RigidMotion` follows it.
 
     Not built for CUDA devices and several ranks, elements, F-bar and smoothing, kernels other than
-    plain quadratic splines, XPIC and FMPM, mirrored walls, scenes that continue from another run.
+    plain quadratic splines, XPIC and FMPM, mirrored walls; a run that has one can't be branched.
     Raises `SceneError`.
     """
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from libmpm._src.boundaries.responses import Slip, Sticky
+from libmpm._src.boundaries.responses import Mirror, Slip, Sticky
 from libmpm._src.errors import SceneError
+from libmpm._src.grids.shapes import Outline
+from libmpm._src.materials.rigid import Rigid
 from libmpm._src.scene.places import faces_present, initial_gravity
 from libmpm._src.shapes.boxes import DomainWalls, faces_of
+from libmpm._src.shapes.solid import GivenPoints, Solid
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
@@ -18,6 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["held_down"]
 
+#: Off their faces nothing comes.
+_HOLD = (Slip, Sticky, Mirror)
 #: Cells above a face within which its nodes hold what lies there.
 _REACH = 1.0
 
@@ -33,12 +39,13 @@ def held_down(scene: SceneData) -> list[str]:
     if not fluids:
         return []
     heaviest = max(fluids, key=lambda b: density[b.name])
+    # Walls push rigid bodies and never pull them.
     light = [b for b in scene.bodies
-             if not b.material.table.stores_volume and not b.pins
-             and density[b.name] < density[heaviest.name]]  # fmt: skip
+             if not b.material.table.stores_volume and not isinstance(b.material, Rigid)
+             and not b.pins and density[b.name] < density[heaviest.name]]  # fmt: skip
     found = []
     for boundary in scene.boundaries:
-        if boundary.motion is not None:
+        if not boundary.at_rest or boundary.time is not None or boundary.within is not None:
             continue
         on = [b for b in light
               if (not boundary.bodies or b.name in boundary.bodies)
@@ -57,22 +64,29 @@ def held_down(scene: SceneData) -> list[str]:
 
 def _lies_on(scene: SceneData, body: Body, boundary: Boundary, axis: int, down: float) -> bool:
     """Return whether a body begins within a cell above a face that nothing comes off."""
+    shape, solid = body.shape, boundary.shape
+    if not isinstance(shape, Solid | GivenPoints) or isinstance(solid, Outline):
+        return False
     try:
-        bounds = np.asarray(body.shape.bounds(), dtype=np.float64)
+        bounds = np.asarray(shape.bounds(), dtype=np.float64)
     except SceneError:
         return False
-    side = 0 if down < 0 else 1
+    side, names = 0 if down < 0 else 1, faces_of(scene.dimension)
     reach = _REACH * scene.cell_size
-    if isinstance(boundary.shape, DomainWalls):
-        name = faces_of(scene.dimension)[2 * axis + side]
+    if isinstance(solid, DomainWalls):
+        name = names[2 * axis + side]
         if name not in faces_present(scene, boundary):
             return False
         wall = (scene.lower, scene.upper)[side][axis]
-        holds = isinstance(boundary.response_at(name), Slip | Sticky)
+        holds = isinstance(boundary.response_at(name), _HOLD)
         return holds and bool(abs(bounds[side][axis] - wall) < reach)
-    if not all(isinstance(r, Slip | Sticky) for r in boundary.responses):
+    given = boundary.response
+    # Of a box it is the face that looks up.
+    top = names[2 * axis + 1 - side]
+    on = (given,) if not isinstance(given, Mapping) else (given[top],) if top in given else ()
+    if not on or not all(isinstance(r, _HOLD) for r in on):
         return False
     foot = [np.linspace(bounds[0][a], bounds[1][a], 5)[1:-1] for a in range(scene.dimension)]
     foot[axis] = bounds[side][axis : axis + 1]
     points = np.array(list(itertools.product(*foot)))
-    return bool(np.any(boundary.shape.distance(points) < reach))
+    return bool(np.any(solid.distance(points) < reach))
