@@ -36,7 +36,7 @@ from result_pages import append, setting
 import libmpm
 from libmpm import debris, flumes
 from libmpm._src.cli import bench
-from libmpm._src.flumes.structures import add_contacts
+from libmpm._src.flumes.structures import BETWEEN_PIECES, add_contacts
 from libmpm._src.pictures.figures import Picture
 
 matplotlib.use("Agg")
@@ -214,7 +214,7 @@ class Rest:
             rows=columns,
             seed=seed,
             debris=f"3x{layers}-upstream",
-            **({"contact": 0.3} | self.changes),
+            **({"contact": BETWEEN_PIECES} | self.changes),
         )
 
     def scene(self, **row: Any) -> libmpm.Scene:

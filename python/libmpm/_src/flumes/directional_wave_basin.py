@@ -38,6 +38,7 @@ from libmpm._src.flumes.facility import (
     wall,
 )
 from libmpm._src.flumes.structures import (
+    BETWEEN_PIECES,
     CONTACT_TEXT,
     EDGE_TEXT,
     EDGES,
@@ -66,8 +67,6 @@ _FRONT = (("front-1", 32.0), ("front-2", 35.0))
 _SIZE = (0.102, 0.102, 0.051)
 _EDGE, _PLATFORM = 31.29, 1.0
 _GAP = 0.051
-#: μ between blocks in set-ups that were measured; nothing is documented.
-_RUBS = 0.3
 _GAUGES = (
     ("WG1", 14.05, -3.6), ("WG2", 14.05, 0.0), ("WG4", 14.3, 0.0), ("WG5", 14.9, 0.0),
     ("WG6", 15.4, 0.0), ("WG7", 16.7, 0.0), ("WG9", 19.25, 2.5), ("USWG5", 28.30, 0.0),
@@ -143,8 +142,8 @@ class DirectionalWaveBasin(Facility):
     cases: ClassVar[dict[str, tuple[str, dict[str, Any]]]] = {
         "waves": ("laptop", {}),
         "platform": ("full", {}),
-        "hdpe": ("full", {"debris": "hdpe", "width": "full", "contact": _RUBS}),
-        "wood": ("full", {"debris": "wood", "width": "full", "contact": _RUBS}),
+        "hdpe": ("full", {"debris": "hdpe", "width": "full", "contact": BETWEEN_PIECES}),
+        "wood": ("full", {"debris": "wood", "width": "full", "contact": BETWEEN_PIECES}),
     }
 
     cell_size: float = given("edge Δx of the cells", default=0.05, unit="m", above=0, high=0.3)

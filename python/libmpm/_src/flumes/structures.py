@@ -17,8 +17,9 @@ from libmpm._src.shapes.primitives import HalfSpace
 from libmpm._src.shapes.solid import Solid
 
 __all__ = [
-    "CONTACT_TEXT", "EDGES", "EDGE_TEXT", "FRICTION", "Edges", "add_bed_friction", "add_contacts",
-    "add_structure", "bevelled", "friction", "structure_solid",
+    "BETWEEN_PIECES", "CONTACT_TEXT", "EDGES", "EDGE_TEXT", "FRICTION", "Edges",
+    "add_bed_friction", "add_contacts", "add_structure", "bevelled", "friction",
+    "structure_solid",
 ]  # fmt: skip
 
 Edges = Literal["free", "bevel"]
@@ -45,6 +46,10 @@ FRICTION: Mapping[tuple[str, str, str], tuple[float, str]] = {
     ("hdpe", "plywood", "dry"): (0.4, "example hdro-0004 of HydroUQ, HDPE on plywood"),
     ("hdpe", "plywood", "claymore"): (0.25, "public ClaymoreUW scene of the Waseda basin"),
 }
+
+
+#: μ between pieces of debris in set-ups that were measured; nothing is documented.
+BETWEEN_PIECES = 0.3
 
 
 def friction(debris: str, bed: str, state: str = "wet") -> float:

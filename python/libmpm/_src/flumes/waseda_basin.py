@@ -26,6 +26,7 @@ from libmpm._src.flumes.facility import (
     wall,
 )
 from libmpm._src.flumes.structures import (
+    BETWEEN_PIECES,
     CONTACT_TEXT,
     EDGE_TEXT,
     EDGES,
@@ -60,8 +61,6 @@ _LAYOUTS = ("3x1-upstream", "3x2-upstream", "3x1-downstream", "3x2-downstream")
 #: Debris: edges along, across, up, m; kg/m³.
 _PIECE, _DENSITY = (0.06, 0.15, 0.06), 419.0
 _STARTS = {"upstream": 0.235, "downstream": 1.94}
-#: μ between pieces of HDPE in set-ups that were measured; nothing is documented.
-_RUBS = 0.3
 
 
 @value
@@ -132,11 +131,11 @@ class WasedaBasin(Facility):
 
     cases: ClassVar[dict[str, tuple[str, dict[str, Any]]]] = {
         "waves": ("laptop", {}),
-        "0x0-up": ("full", {"rows": 0, "debris": "3x2-upstream", "contact": _RUBS}),
-        "5x1-up": ("full", {"rows": 1, "debris": "3x2-upstream", "contact": _RUBS}),
-        "5x2-up": ("full", {"rows": 2, "debris": "3x2-upstream", "contact": _RUBS}),
-        "5x1-down": ("full", {"rows": 1, "debris": "3x2-downstream", "contact": _RUBS}),
-        "5x2-down": ("full", {"rows": 2, "debris": "3x2-downstream", "contact": _RUBS}),
+        "0x0-up": ("full", {"rows": 0, "debris": "3x2-upstream", "contact": BETWEEN_PIECES}),
+        "5x1-up": ("full", {"rows": 1, "debris": "3x2-upstream", "contact": BETWEEN_PIECES}),
+        "5x2-up": ("full", {"rows": 2, "debris": "3x2-upstream", "contact": BETWEEN_PIECES}),
+        "5x1-down": ("full", {"rows": 1, "debris": "3x2-downstream", "contact": BETWEEN_PIECES}),
+        "5x2-down": ("full", {"rows": 2, "debris": "3x2-downstream", "contact": BETWEEN_PIECES}),
     }
 
     cell_size: float = given("edge Δx of the cells", default=0.015, unit="m", above=0, high=0.05)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,21 +70,18 @@ def _lies_on(scene: SceneData, body: Body, boundary: Boundary, axis: int, down: 
         bounds = np.asarray(shape.bounds(), dtype=np.float64)
     except SceneError:
         return False
-    side, names = 0 if down < 0 else 1, faces_of(scene.dimension)
+    side = 0 if down < 0 else 1
     reach = _REACH * scene.cell_size
-    if isinstance(solid, DomainWalls):
-        name = names[2 * axis + side]
-        if name not in faces_present(scene, boundary):
-            return False
-        wall = (scene.lower, scene.upper)[side][axis]
-        holds = isinstance(boundary.response_at(name), _HOLD)
-        return holds and bool(abs(bounds[side][axis] - wall) < reach)
-    given = boundary.response
-    # Of a box it is the face that looks up.
-    top = names[2 * axis + 1 - side]
-    on = (given,) if not isinstance(given, Mapping) else (given[top],) if top in given else ()
-    if not on or not all(isinstance(r, _HOLD) for r in on):
+    walls = isinstance(solid, DomainWalls)
+    # The domain's lowest face; of a box the one that looks up.
+    face = faces_of(scene.dimension)[2 * axis + (side if walls else 1 - side)]
+    if walls and face not in faces_present(scene, boundary):
         return False
+    if not isinstance(boundary.response_at(face), _HOLD):
+        return False
+    if isinstance(solid, DomainWalls):
+        wall = (scene.lower, scene.upper)[side][axis]
+        return bool(abs(bounds[side][axis] - wall) < reach)
     foot = [np.linspace(bounds[0][a], bounds[1][a], 5)[1:-1] for a in range(scene.dimension)]
     foot[axis] = bounds[side][axis : axis + 1]
     points = np.array(list(itertools.product(*foot)))
