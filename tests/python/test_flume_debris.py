@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import libmpm
-from libmpm import boundaries, flumes, shapes
+from libmpm import boundaries, debris, flumes, shapes
 from libmpm._src.flumes.debris import add_field
 from libmpm._src.flumes.structures import add_contacts
 
@@ -207,3 +207,50 @@ def test_water_lifts_a_piece_off_a_bed_that_lets_go(response, rises):
     height = float(sim.particles["debris-1"]["position"][:, 1].mean())
     # Depth 0.09 m less a draught of 0.419 of its own 0.06 m, which sloshes yet.
     assert (height > 0.06) if rises else (height == pytest.approx(0.03, abs=0.003))
+
+
+def field_of(*places: tuple[float, float, float]) -> debris.DebrisField:
+    """Bars at (x, y) m, turned by so many degrees, before the box of the Large Wave Flume."""
+    bar = debris.Prototype(
+        length=0.5, width=0.1, height=0.05, name="bar",
+        material=libmpm.materials.FixedCorotated(
+            density=981, youngs_modulus=1e6, poissons_ratio=0.4
+        ),
+    )  # fmt: skip
+    return debris.DebrisField(
+        prototypes=(bar,), corner=(37.0, -1.6), footprint=(3.0, 3.2),
+        pieces=[debris.Piece(x=x, y=y, angle=angle) for x, y, angle in places],
+    )  # fmt: skip
+
+
+def test_half_of_a_flume_has_the_half_of_a_field():
+    def solids(width: str, *places: tuple[float, float, float]) -> list[tuple[float, ...]]:
+        made = flumes.LargeWaveFlume(
+            width=width, cell_size=0.1, structure="box", end=50.0, debris=field_of(*places)
+        ).scene()
+        bodies = [b for b in made.bodies if b.name.startswith("debris-")]
+        return sorted(tuple(np.round(np.ravel(b.shape.bounds()), 9)) for b in bodies)
+
+    upper = (38.0, 0.6, 30.0), (38.8, 0.9, 90.0)
+    lower = (38.0, -0.6, 150.0), (38.8, -0.9, -90.0)
+    half = solids("half", *upper)
+    assert len(half) == 2
+    assert solids("half", *upper, *lower) == half  # those at y < 0 are its image
+    whole = solids("full", *upper, *lower)
+    assert [one for one in whole if one[1] > 0] == half
+    # Cut along the centreline.
+    assert solids("half", (38.0, 0.0, 90.0)) == [(37.95, 0.0, *half[0][2:3], 38.05, 0.25,
+                                                  *half[0][5:])]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        ((38.0, -0.6, 30.0), r"at \(38, -0\.6\) m without its image .* use width='full'"),
+        ((38.0, 0.0, 30.0), r"across the centreline, turned by 30 degrees.* use width='full'"),
+        ((38.0, 0.1, 90.0), r"across the centreline and not in its middle.* use width='full'"),
+    ],
+)
+def test_half_of_a_flume_loses_no_piece_in_silence(place, message):
+    with pytest.raises(libmpm.SceneError, match=message):
+        flumes.LargeWaveFlume(width="half", debris=field_of(place))

@@ -5,30 +5,33 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from libmpm._src.errors import SceneError
+from libmpm._src.base.values import Checker, nearest, shown
 from libmpm._src.flumes.facility import Deviation
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.python_sensors import BodyTracker
 from libmpm._src.shapes.boxes import OrientedBox
 from libmpm._src.studies.debris.field import DebrisField
+from libmpm._src.studies.debris.prototype import Piece
 
 if TYPE_CHECKING:
     from libmpm._src.flumes.criteria import Signals
 
 __all__ = [
-    "add_field", "carried_speed", "displacement", "first_contact", "lengthened", "pieces_at_rest",
-    "scattered", "spread", "track", "widest_spread", "width_across",
+    "add_field", "carried_speed", "check_debris", "displacement", "first_contact", "lengthened",
+    "pieces_at_rest", "scattered", "spread", "track", "upper_half", "widest_spread", "width_across",
 ]  # fmt: skip
 
 #: Speed above which a piece counts as carried, m/s.
 _CARRIED = 0.1
 #: Largest shift of a piece of a field with a seed, in cells.
 _SHIFT = 0.25
+#: What counts as on the centreline, m.
+_ON = 1e-9
 
 
 def scattered(field: DebrisField, seed: int, cell_size: float, across: bool = True) -> DebrisField:
@@ -61,6 +64,70 @@ def scattered(field: DebrisField, seed: int, cell_size: float, across: bool = Tr
     )  # fmt: skip
 
 
+def check_debris(
+    check: Checker, item: Any, names: Sequence[str], width: str
+) -> str | DebrisField | None:
+    """Return debris: None, the name of a layout, or a field, which half of a flume can have."""
+    if item is None:
+        return None
+    if width == "slice":
+        check.fail("debris in a slice would be a bar across all of the flume; expected None; "
+                   "use width='half' or 'full'")  # fmt: skip
+    if isinstance(item, DebrisField):
+        if width == "half":
+            _check_half(check, item)
+        return item
+    if not isinstance(item, str) or item not in names:
+        check.fail(f"debris is {shown(item, 80)}; {nearest(item, names)}, or give a "
+                   "debris.DebrisField")  # fmt: skip
+        return None
+    return item
+
+
+def _check_half(check: Checker, field: DebrisField) -> None:
+    """Refuse a field that half of a flume would lose pieces of, or could not cut."""
+    for piece in field.pieces:
+        low, high = _across(field, piece)
+        at = f"debris has a piece at ({piece.x:g}, {piece.y:g}) m"
+        if high <= _ON and not any(_is_image(field, piece, other) for other in field.pieces):
+            check.fail(f"{at} without its image at y > 0, with width 'half', which has what lies "
+                       "at y > 0 and its image; expected pieces at y > 0, or each with its image; "
+                       "use width='full'")  # fmt: skip
+        elif low < -_ON and high > _ON and _turned(piece) is None:
+            check.fail(f"{at} across the centreline, turned by {piece.angle:g} degrees, with "
+                       "width 'half', which cuts it there; expected 0 or 90 degrees; use "
+                       "width='full'")  # fmt: skip
+        elif low < -_ON and high > _ON and abs(piece.y) > _ON:
+            check.fail(f"{at} across the centreline and not in its middle, with width 'half', "
+                       "which cuts it there; expected y 0; use width='full'")  # fmt: skip
+
+
+def _across(field: DebrisField, piece: Piece) -> tuple[float, float]:
+    """Return the lowest and the highest y of a piece, m."""
+    kind, angle = field.prototypes[piece.prototype], math.radians(piece.angle)
+    half = 0.5 * (kind.length * abs(math.sin(angle)) + kind.width * abs(math.cos(angle)))
+    return piece.y - half, piece.y + half
+
+
+def _turned(piece: Piece) -> bool | None:
+    """Return whether a piece lies across the flow; None where neither along nor across."""
+    if abs((piece.angle + 45.0) % 180.0 - 45.0) < 1e-6:
+        return False
+    return True if abs(piece.angle % 180.0 - 90.0) < 1e-6 else None
+
+
+def _is_image(field: DebrisField, piece: Piece, other: Piece) -> bool:
+    """Return whether two pieces are images of each other at the plane y = 0."""
+    turn = (piece.angle + other.angle + 90.0) % 180.0 - 90.0
+    apart = (turn, piece.x - other.x, piece.y + other.y, piece.elevation - other.elevation)
+    return piece.prototype == other.prototype and max(map(abs, apart)) < 1e-6
+
+
+def upper_half(field: DebrisField) -> tuple[Piece, ...]:
+    """Return the pieces of which something lies at y > 0."""
+    return tuple(piece for piece in field.pieces if _across(field, piece)[1] > _ON)
+
+
 def add_field(
     scene: Scene,
     field: DebrisField,
@@ -72,28 +139,24 @@ def add_field(
     """Add the pieces of a field to a scene in space as bodies "debris-1", ...; return their names.
 
     With `half` what lies at y < 0 is left out, and pieces on the centreline are cut there: they
-    must lie along or across the flow. Raises `SceneError`.
+    lie along or across the flow.
     """
     if not half:
         return field.add_to(scene, elevation=elevation, subtract_from=displaces)
     names: list[str] = []
     digits = len(str(len(field)))
-    for piece in field.pieces:
+    for piece in upper_half(field):
         kind = field.prototypes[piece.prototype]
-        turned = abs(piece.angle % 180.0 - 90.0) < 1e-6
-        if not turned and abs(piece.angle % 180.0) > 1e-6:
-            raise SceneError(f"debris: a piece is turned by {piece.angle:g} degrees in half of a "
-                             "flume; expected 0 or 90; use width='full'")  # fmt: skip
-        long, wide = (kind.width, kind.length) if turned else (kind.length, kind.width)
-        low, high = piece.y - 0.5 * wide, piece.y + 0.5 * wide
-        if high <= 1e-9:
-            continue
-        middle = 0.5 * (max(low, 0.0) + high)
-        up = elevation + piece.elevation
+        turned = _turned(piece)
+        middle, wide, long, angle = piece.y, kind.width, kind.length, piece.angle
+        if turned is not None:
+            low, high = _across(field, piece)
+            middle, wide, angle = 0.5 * (max(low, 0.0) + high), high - max(low, 0.0), 0.0
+            long = kind.width if turned else kind.length
         shape = OrientedBox(
-            centre=(piece.x, middle, up + 0.5 * kind.height),
-            size=(long, high - max(low, 0.0), kind.height),
-            angle=0.0,
+            centre=(piece.x, middle, elevation + piece.elevation + 0.5 * kind.height),
+            size=(long, wide, kind.height),
+            angle=angle,
         )
         names.append(scene.add_body(
             name=f"debris-{len(names) + 1:0{digits}}", shape=shape, material=kind.material,

@@ -19,10 +19,12 @@ from libmpm._src.flumes.criteria import Criterion
 from libmpm._src.flumes.debris import (
     add_field,
     carried_speed,
+    check_debris,
     displacement,
     lengthened,
     scattered,
     track,
+    upper_half,
     width_across,
 )
 from libmpm._src.flumes.facility import (
@@ -32,7 +34,6 @@ from libmpm._src.flumes.facility import (
     Instrument,
     Pairs,
     Width,
-    check_debris,
     modulus_at_speed,
     softened,
     wall,
@@ -277,8 +278,8 @@ class DirectionalWaveBasin(Facility):
         field = self.field()
         names = add_field(made, field, elevation=_PLATFORM, half=self.width == "half")
         track(made, names)
-        kinds = [field.prototypes[p.prototype].name for p in field.pieces
-                 if self.width != "half" or p.y + 0.5 * _SIZE[1] > 1e-9]  # fmt: skip
+        pieces = upper_half(field) if self.width == "half" else field.pieces
+        kinds = [field.prototypes[p.prototype].name for p in pieces]
         rubs = {
             name: float(self.friction) if not isinstance(self.friction, str)
             else friction(kind, "concrete", self.friction)

@@ -406,27 +406,6 @@ def wall() -> Slip:
     return Slip(cell="linear")
 
 
-def check_debris(
-    check: Checker, item: Any, names: Sequence[str], width: str
-) -> str | DebrisField | None:
-    """Return debris: None, the name of a layout, or a field."""
-    if item is None:
-        return None
-    if width == "slice":
-        check.fail("debris in a slice would be a bar across all of the flume; expected None; "
-                   "use width='half' or 'full'")  # fmt: skip
-    if isinstance(item, DebrisField):
-        if width == "half":
-            check.fail("debris is a field with width 'half', which cuts it along the centreline; "
-                       "use width='full'")  # fmt: skip
-        return item
-    if not isinstance(item, str) or item not in names:
-        check.fail(f"debris is {shown(item, 80)}; {nearest(item, names)}, or give a "
-                   "debris.DebrisField")  # fmt: skip
-        return None
-    return item
-
-
 def softened(what: str, measured: float, modulus: float) -> Deviation:
     """Return that debris is softer than it is by `modulus` in place of `measured`, Pa."""
     share = math.sqrt(modulus / measured)

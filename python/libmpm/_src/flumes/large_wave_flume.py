@@ -17,7 +17,7 @@ from libmpm._src.boundaries.wave_makers import piston_stroke
 from libmpm._src.errors import ModelWarning, SceneError
 from libmpm._src.flumes import large_wave_flume_rows, near_field, records
 from libmpm._src.flumes.criteria import Criterion
-from libmpm._src.flumes.debris import add_field, lengthened, scattered
+from libmpm._src.flumes.debris import add_field, check_debris, lengthened, scattered
 from libmpm._src.flumes.facility import (
     PACKING_TEXT,
     Deviation,
@@ -25,7 +25,6 @@ from libmpm._src.flumes.facility import (
     Instrument,
     Pairs,
     Width,
-    check_debris,
     modulus_at_speed,
     rectangle,
     softened,
@@ -184,7 +183,8 @@ class LargeWaveFlume(Facility):
     )
     debris: str | DebrisField | None = given(
         'None, a layout such as "16-L-1.0x0.8" (`records.load("lwf-layouts")`), or a '
-        "`debris.DebrisField` in the flume's coordinates",
+        "`debris.DebrisField` in the flume's coordinates; of half a flume at y > 0, or each piece "
+        "with its image",
         default=None,
     )
     bars: Literal["stated", "as-drawn"] = given(

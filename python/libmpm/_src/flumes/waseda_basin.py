@@ -12,14 +12,13 @@ from libmpm._src.boundaries.responses import Displacement
 from libmpm._src.errors import SceneError
 from libmpm._src.flumes import records, waseda_basin_rows
 from libmpm._src.flumes.criteria import Criterion
-from libmpm._src.flumes.debris import add_field, lengthened, scattered, track
+from libmpm._src.flumes.debris import add_field, check_debris, lengthened, scattered, track
 from libmpm._src.flumes.facility import (
     Deviation,
     Facility,
     Instrument,
     Pairs,
     Width,
-    check_debris,
     modulus_at_speed,
     rectangle,
     softened,

@@ -18,14 +18,13 @@ from libmpm._src.flumes import criteria as measures
 from libmpm._src.flumes import records
 from libmpm._src.flumes.comparison import Comparison, Row
 from libmpm._src.flumes.criteria import Criterion
-from libmpm._src.flumes.debris import add_field, lengthened, scattered, track
+from libmpm._src.flumes.debris import add_field, check_debris, lengthened, scattered, track
 from libmpm._src.flumes.facility import (
     Deviation,
     Facility,
     Instrument,
     Pairs,
     Width,
-    check_debris,
     modulus_at_speed,
     rectangle,
     softened,
