@@ -50,9 +50,29 @@ def test_contact_lets_bars_touch_and_names_their_laws():
     gaps = [[d.scene for d in f.deviations() if "gap" in d.what] for f in (flume, apart)]
     assert gaps == [[], ["0.1 m"]]
     # Blocks of the other basin had gaps, which stay.
-    basin = flumes.DirectionalWaveBasin(width="full", cell_size=0.05, debris="hdpe", contact=0.3)
+    blocks = {"width": "full", "cell_size": 0.05, "debris": "hdpe", "contact": 0.3}
+    basin = flumes.DirectionalWaveBasin(**blocks, packing=None)
     assert basin.field().clearance == pytest.approx(0.051)
     assert flume.trunk().contact is None
+
+
+def test_water_beside_contact_is_not_kept_from_packing():
+    blocks = {"width": "full", "cell_size": 0.05, "debris": "hdpe", "contact": 0.3}
+    for packing in ("density", "shifting"):
+        with pytest.raises(libmpm.SceneError, match=f"packing is '{packing}' with contact 0.3"):
+            flumes.DirectionalWaveBasin(**blocks, packing=packing)
+
+
+@pytest.mark.parametrize(
+    ("name", "case"), [(n, c) for n in flumes.names() for c in flumes.named(n).cases]
+)
+def test_every_case_can_be_run(name, case):
+    kind = flumes.named(name)
+    coarse = min(2.5 * kind.of_case(case).cell_size, 0.05 if name == "wasirf" else 0.2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", libmpm.ModelWarning)
+        scene = kind.of_case(case, cell_size=coarse).scene()
+        assert libmpm.Simulation(scene, device="cpu").plan.memory_total > 0
 
 
 @pytest.mark.parametrize(("contact", "opened"), [(0.3, 0.04), (None, 0.0)])
@@ -228,8 +248,10 @@ def test_half_of_a_flume_has_the_half_of_a_field():
         made = flumes.LargeWaveFlume(
             width=width, cell_size=0.1, structure="box", end=50.0, debris=field_of(*places)
         ).scene()
-        bodies = [b for b in made.bodies if b.name.startswith("debris-")]
-        return sorted(tuple(np.round(np.ravel(b.shape.bounds()), 9)) for b in bodies)
+        shapes_of = [b.shape for b in made.bodies if b.name.startswith("debris-")]
+        leans = [getattr(s, "angle", 0.0) % 90.0 for s in shapes_of]
+        return sorted((*np.round(np.ravel(s.bounds()), 9), angle)
+                      for s, angle in zip(shapes_of, leans, strict=True))  # fmt: skip
 
     upper = (38.0, 0.6, 30.0), (38.8, 0.9, 90.0)
     lower = (38.0, -0.6, 150.0), (38.8, -0.9, -90.0)
@@ -240,17 +262,20 @@ def test_half_of_a_flume_has_the_half_of_a_field():
     assert [one for one in whole if one[1] > 0] == half
     # Cut along the centreline.
     assert solids("half", (38.0, 0.0, 90.0)) == [(37.95, 0.0, *half[0][2:3], 38.05, 0.25,
-                                                  *half[0][5:])]  # fmt: skip
+                                                  half[0][5], 0.0)]  # fmt: skip
 
 
+@pytest.mark.parametrize("kind", [flumes.LargeWaveFlume, flumes.WASIRF])
 @pytest.mark.parametrize(
-    ("place", "message"),
+    ("places", "message"),
     [
-        ((38.0, -0.6, 30.0), r"at \(38, -0\.6\) m without its image .* use width='full'"),
-        ((38.0, 0.0, 30.0), r"across the centreline, turned by 30 degrees.* use width='full'"),
-        ((38.0, 0.1, 90.0), r"across the centreline and not in its middle.* use width='full'"),
+        ([(38.0, -0.6, 30.0)], r"at \(38, -0\.6\) m without its image at \(38, 0\.6\) m"),
+        ([(38.0, -0.6, 30.0), (38.0, 0.6, 30.0)], r"at \(38, -0\.6\) m without its image"),
+        ([(38.0, -0.6, 0.0), (38.0, 0.6, 0.0), (38.8, 0.6, 0.0)], r"at \(38\.8, 0\.6\) m without"),
+        ([(38.0, 0.0, 30.0)], r"across the centreline, turned by 30 degrees"),
+        ([(38.0, 0.1, 90.0)], r"across the centreline and not in its middle"),
     ],
 )
-def test_half_of_a_flume_loses_no_piece_in_silence(place, message):
-    with pytest.raises(libmpm.SceneError, match=message):
-        flumes.LargeWaveFlume(width="half", debris=field_of(place))
+def test_half_of_a_flume_loses_and_adds_no_piece_in_silence(kind, places, message):
+    with pytest.raises(libmpm.SceneError, match=message + ".* use width='full'"):
+        kind(width="half", debris=field_of(*places))

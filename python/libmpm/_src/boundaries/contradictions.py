@@ -99,11 +99,15 @@ def contradictions(scene: SceneData) -> list[str]:
         where = _where(scene, one, two, low, high)
         if where:
             told.add(names)
+            some = [b.name for b in (one.boundary, two.boundary) if b.bodies]
+            decides = "the one defined last decides"
+            if len(some) == 1:
+                decides = f"'{some[0]}' has the last word, for its bodies"
             doubts.append(
                 f"boundary '{names[1]}': overlaps boundary '{names[0]}' {where}, where "
-                f"{_rule(one)} and {_rule(two)} contradict each other, so that the one defined "
-                "last decides; expected one rule at each place; end one where the other begins, or "
-                "use time windows or bodies that do not meet"
+                f"{_rule(one)} and {_rule(two)} contradict each other, so that {decides}; "
+                "expected one rule at each place; end one where the other begins, or use time "
+                "windows or bodies that do not meet"
             )
     return doubts
 
@@ -139,6 +143,8 @@ def _may_differ(one: _Part, two: _Part) -> bool:
     motions = (a.motion, a.rotation), (b.motion, b.rotation)
     if motions[0] != motions[1]:
         return True
+    if bool(a.bodies) != bool(b.bodies):
+        return False  # one for some bodies adds to what the other takes
     if isinstance(one.response, Sticky | Prescribed) or isinstance(two.response, Sticky):
         return False
     found: bool = _rubs(one.response) != _rubs(two.response)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from libmpm._src.base.values import Checker, nearest, shown
+from libmpm._src.errors import SceneError
 from libmpm._src.flumes.facility import Deviation
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.python_sensors import BodyTracker
@@ -85,19 +86,21 @@ def check_debris(
 
 
 def _check_half(check: Checker, field: DebrisField) -> None:
-    """Refuse a field that half of a flume would lose pieces of, or could not cut."""
+    """Refuse a field that half of a flume would lose pieces of, add to, or could not cut."""
+    mirrored = any(_across(field, piece)[1] <= _ON for piece in field.pieces)
     for piece in field.pieces:
         low, high = _across(field, piece)
         at = f"debris has a piece at ({piece.x:g}, {piece.y:g}) m"
-        if high <= _ON and not any(_is_image(field, piece, other) for other in field.pieces):
-            check.fail(f"{at} without its image at y > 0, with width 'half', which has what lies "
-                       "at y > 0 and its image; expected pieces at y > 0, or each with its image; "
-                       "use width='full'")  # fmt: skip
-        elif low < -_ON and high > _ON and _turned(piece) is None:
+        cut = low < -_ON and high > _ON
+        if mirrored and not cut and not any(_is_image(piece, other) for other in field.pieces):
+            check.fail(f"{at} without its image at ({piece.x:g}, {-piece.y:g}) m, with width "
+                       "'half', which has what lies at y > 0 and its image; expected pieces at "
+                       "y > 0 alone, or each with its image; use width='full'")  # fmt: skip
+        elif cut and _turned(piece) is None:
             check.fail(f"{at} across the centreline, turned by {piece.angle:g} degrees, with "
                        "width 'half', which cuts it there; expected 0 or 90 degrees; use "
                        "width='full'")  # fmt: skip
-        elif low < -_ON and high > _ON and abs(piece.y) > _ON:
+        elif cut and abs(piece.y) > _ON:
             check.fail(f"{at} across the centreline and not in its middle, with width 'half', "
                        "which cuts it there; expected y 0; use width='full'")  # fmt: skip
 
@@ -116,7 +119,7 @@ def _turned(piece: Piece) -> bool | None:
     return True if abs(piece.angle % 180.0 - 90.0) < 1e-6 else None
 
 
-def _is_image(field: DebrisField, piece: Piece, other: Piece) -> bool:
+def _is_image(piece: Piece, other: Piece) -> bool:
     """Return whether two pieces are images of each other at the plane y = 0."""
     turn = (piece.angle + other.angle + 90.0) % 180.0 - 90.0
     apart = (turn, piece.x - other.x, piece.y + other.y, piece.elevation - other.elevation)
@@ -139,7 +142,7 @@ def add_field(
     """Add the pieces of a field to a scene in space as bodies "debris-1", ...; return their names.
 
     With `half` what lies at y < 0 is left out, and pieces on the centreline are cut there: they
-    lie along or across the flow.
+    lie along or across the flow. Raises `SceneError`.
     """
     if not half:
         return field.add_to(scene, elevation=elevation, subtract_from=displaces)
@@ -153,6 +156,10 @@ def add_field(
             low, high = _across(field, piece)
             middle, wide, angle = 0.5 * (max(low, 0.0) + high), high - max(low, 0.0), 0.0
             long = kind.width if turned else kind.length
+        elif _across(field, piece)[0] < -_ON:
+            raise SceneError(f"debris: a piece at ({piece.x:g}, {piece.y:g}) m is turned by "
+                             f"{piece.angle:g} degrees across the centreline of half of a flume; "
+                             "expected 0 or 90; use width='full'")  # fmt: skip
         shape = OrientedBox(
             centre=(piece.x, middle, elevation + piece.elevation + 0.5 * kind.height),
             size=(long, wide, kind.height),

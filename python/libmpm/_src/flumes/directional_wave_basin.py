@@ -143,8 +143,13 @@ class DirectionalWaveBasin(Facility):
     cases: ClassVar[dict[str, tuple[str, dict[str, Any]]]] = {
         "waves": ("laptop", {}),
         "platform": ("full", {}),
-        "hdpe": ("full", {"debris": "hdpe", "width": "full", "contact": BETWEEN_PIECES}),
-        "wood": ("full", {"debris": "wood", "width": "full", "contact": BETWEEN_PIECES}),
+        **{
+            kind: (
+                "full",
+                {"debris": kind, "width": "full", "contact": BETWEEN_PIECES, "packing": None},
+            )
+            for kind in ("hdpe", "wood")
+        },
     }
 
     cell_size: float = given("edge Δx of the cells", default=0.05, unit="m", above=0, high=0.3)
@@ -155,7 +160,8 @@ class DirectionalWaveBasin(Facility):
     )
     debris: str | DebrisField | None = given(
         'None, "hdpe" or "wood": 5 × 4 blocks, "mixed": both in turns, row by row and column by '
-        "column, or a `debris.DebrisField`",
+        "column, or a `debris.DebrisField`, of half of it at y > 0 or each "
+        "piece with its image",
         default=None,
     )
     gap: float | None = given(

@@ -322,6 +322,9 @@ class Facility(Value):
             found["packing"] = check.choice("packing", self.packing, PACKING)
         if self.contact is not None and self.debris is None:
             check.fail(f"contact is {self.contact:g} without debris; expected None; name debris")
+        if self.contact is not None and self.packing is not None:
+            check.fail(f"packing is {self.packing!r} with contact {self.contact:g}, beside which "
+                       "water is neither shifted nor led by density; expected None")  # fmt: skip
         return found
 
     def _wall(self) -> Slip | Separable:

@@ -146,7 +146,8 @@ class WASIRF(Facility):
     )
     debris: str | DebrisField | None = given(
         'None, one prism "A" to "I" lengthwise, "8-L" or "24-L" bars of the Large Wave Flume at '
-        "1:4, or a `debris.DebrisField`",
+        "1:4, or a `debris.DebrisField`, of half of it at y > 0 or each "
+        "piece with its image",
         default=None,
     )
     gap: float | None = given("between bars; None = two cells, with `contact` none", default=None,
