@@ -339,7 +339,9 @@ void Cuda::for_each_next(std::int64_t n, const F& f) {
 template <int M, class F, class G>
 void Cuda::max_each(std::int64_t n, const F& f, const G& then) {
     static_assert(M <= max_maxima);
-    const std::int64_t blocks = (n + cuda::max_threads - 1) / cuda::max_threads;
+    // Of what goes one by one a warp has few.
+    constexpr std::int64_t items = cuda::PartlyOneByOne<F> ? 32 : cuda::max_threads;
+    const std::int64_t blocks = (n + items - 1) / items;
     // As many as run at once where warps line up what has work: each then sees more to choose from.
     const std::int64_t most = (cuda::Choosy<F> ? 2 : 8) * multiprocessors();
     launch_next(&cuda::max_kernel<M, F, G>, blocks < 1 ? 1 : (blocks < most ? blocks : most), 1,

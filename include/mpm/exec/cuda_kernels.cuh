@@ -67,25 +67,47 @@ concept Choosy = requires(const F& f, std::int64_t i) {
     { f.wanted(i) } -> std::same_as<bool>;
 };
 
-/// run(i) for the wanted ones of a warp's items, which it lines up until there is one for each
-/// lane: all 32 of them call this together.
+/// Some of what is wanted goes one by one: one lane of a warp has it while the others wait outside.
+/// Of long functions that lanes leave and enter apart some have waited for each other for ever
+/// (design/gpu-step.md).
+template <class F>
+concept PartlyOneByOne = Choosy<F> && requires(const F& f, std::int64_t i) {
+    { f.one_by_one(i) } -> std::same_as<bool>;
+};
+
+/// run(i) for the wanted ones of n items, which each warp lines up until there is one for each
+/// lane; after them for those that go one by one, of which neighbours belong to different warps.
+/// All lanes call this together.
 template <class F, class R>
-__device__ __forceinline__ void each_wanted(std::int64_t i, std::int64_t stride, std::int64_t n,
-                                            const F& f, const R& run) {
+__device__ __forceinline__ void each_wanted(std::int64_t n, const F& f, const R& run) {
     __shared__ std::int64_t lines[max_threads / 32][64];
     const int lane = threadIdx.x % 32;
     std::int64_t* line = lines[threadIdx.x / 32];
-    int waiting = 0;
-    for (;;) {
-        for (; waiting < 32 && i - lane < n; i += stride) {
-            const bool wanted = i < n && f.wanted(i);
+    const std::int64_t warps = std::int64_t(gridDim.x) * (max_threads / 32),
+                       warp = std::int64_t(blockIdx.x) * (max_threads / 32) + threadIdx.x / 32;
+    int waiting = 0, at_a_time = 32;
+    for (std::int64_t k = 0;;) {
+        const bool single = at_a_time == 1;
+        for (;
+             waiting < at_a_time && (single ? 32 * k * warps + warp : 32 * (k * warps + warp)) < n;
+             ++k) {
+            const std::int64_t i =
+                single ? (32 * k + lane) * warps + warp : 32 * (k * warps + warp) + lane;
+            bool wanted = i < n;
+            if constexpr (PartlyOneByOne<F>) wanted = wanted && f.one_by_one(i) == single;
+            wanted = wanted && f.wanted(i);
             const unsigned all = __ballot_sync(~0u, wanted);
             if (wanted) line[waiting + __popc(all & ((1u << lane) - 1))] = i;
             waiting += __popc(all);
         }
         __syncwarp();
-        if (waiting == 0) return;
-        const int now = waiting < 32 ? waiting : 32;
+        if (waiting == 0) {
+            if (single || !PartlyOneByOne<F>) return;
+            at_a_time = 1;
+            k = 0;
+            continue;
+        }
+        const int now = waiting < at_a_time ? waiting : at_a_time;
         waiting -= now;
         if (lane < now) run(line[waiting + lane]);
         __syncwarp();
@@ -100,12 +122,13 @@ __global__ void __launch_bounds__(max_threads)
                const __grid_constant__ G then, std::uint32_t* arrivals) {
     after_previous();
     double local[M] = {};
-    const std::int64_t stride = std::int64_t(gridDim.x) * blockDim.x;
-    const std::int64_t begin = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x;
     if constexpr (Choosy<F>) {
-        each_wanted(begin, stride, n, f, [&](std::int64_t i) { f(i, local); });
+        each_wanted(n, f, [&](std::int64_t i) { f(i, local); });
     } else {
-        for (std::int64_t i = begin; i < n; i += stride) f(i, local);
+        const std::int64_t stride = std::int64_t(gridDim.x) * blockDim.x;
+        for (std::int64_t i = std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x; i < n;
+             i += stride)
+            f(i, local);
     }
     __shared__ double of_warp[max_threads / 32][M];
     const int lane = threadIdx.x % 32, warp = threadIdx.x / 32;

@@ -382,6 +382,10 @@ struct ContactPass {
             found += of.node.mass(of.contact.first[block] + k, n) > T(0);
         return found > 1;
     }
+    /// Does its node lie where lines towards walls may be followed? See exec/cuda_kernels.cuh.
+    MPM_INLINE bool one_by_one(std::int64_t i) const {
+        return of.on_lines(of.contact.first[i / block_cells]);
+    }
     MPM_INLINE void operator()(std::int64_t i, double (&maxima)[maxima_count]) const {
         const auto& node = of.node;
         if (node.clock->halt != Halt::none) return;
