@@ -13,15 +13,21 @@ struct DistanceField {
     static constexpr int edge = 8;
     static constexpr int corners = D == 2 ? 81 : 729;
 
+    /// What `find` says of blocks that have no values.
+    static constexpr std::int32_t deep = -1, outside = -2;
+
     const std::uint64_t* keys;  // (count,) ascending
-    const std::int32_t* place;  // (count,): which block of values; -1: deep inside
+    const std::int32_t* place;  // (count,): which block of values, or `deep`
     const float* value;         // (blocks, corners), in lattice cells, last axis fastest
     std::int32_t count;
     std::int64_t low[D], counts[D];  // the block that is number zero; blocks along each axis
     double origin[D];                // of the lattice, m
     double per_metre;                // lattice cells
+    // (all of `counts`,): `place`, or `outside`; null where there is none. A search waits for a
+    // dozen reads, one after the other.
+    const std::int32_t* all = nullptr;
 
-    /// Which block holds a point and where it is in it, in lattice cells; its entry, or -1.
+    /// Which block of values a point is in and where in it, in lattice cells; `deep`; `outside`.
     MPM_HD std::int32_t find(const double (&x)[D], double (&local)[D]) const {
         std::uint64_t key = 0;
         for (int a = 0; a < D; ++a) {
@@ -29,10 +35,12 @@ struct DistanceField {
             const double block = floor(u / edge);
             local[a] = u - block * edge;
             const double number = block - double(low[a]);
-            if (!(number >= 0 && number < double(counts[a]))) return -1;
+            if (!(number >= 0 && number < double(counts[a]))) return outside;
             key = key * std::uint64_t(counts[a]) + std::uint64_t(number);
         }
-        return find_key(keys, count, key);
+        if (all) return all[key];
+        const std::int32_t entry = find_key(keys, count, key);
+        return entry < 0 ? outside : place[entry];
     }
 
     /// May the field know of a point within so many m, along each axis?
@@ -50,10 +58,10 @@ struct DistanceField {
     /// gradient is zero.
     MPM_HD bool at(const double (&x)[D], double& distance, double (&normal)[D]) const {
         double local[D];
-        const std::int32_t entry = find(x, local);
-        if (entry < 0) return false;
+        const std::int32_t block = find(x, local);
+        if (block == outside) return false;
         for (int a = 0; a < D; ++a) normal[a] = 0;
-        if (place[entry] < 0) {
+        if (block == deep) {
             distance = -edge / per_metre;
             return true;
         }
@@ -65,7 +73,7 @@ struct DistanceField {
             share[a] = local[a] - i;
             base = base * (edge + 1) + i;
         }
-        const float* v = value + std::int64_t(place[entry]) * corners;
+        const float* v = value + std::int64_t(block) * corners;
         distance = 0;
         for (int c = 0; c < (1 << D); ++c) {
             int at = base, stride = 1;

@@ -18,6 +18,7 @@ struct BoundaryView {
     bool surface_lines = false;  // any surface is
     bool mirrors = false;        // any face is a mirror
     int down = -1;               // the axis along which gravity is largest
+    bool restricted = false;     // any is for some bodies alone
     // (fields,): 1 where a field of velocities is of solids alone, beside contacts; null without.
     const std::int32_t* solid_fields = nullptr;
 
@@ -148,8 +149,9 @@ MPM_INLINE Vec<T, D> velocity_of_boundary(const BoundaryView<D>& all, int b,
 /// where other walls have changed that by `taken`: it responds to what the node would do by itself,
 /// `free`. Of what it takes across itself, that which others have taken is not taken again, nothing
 /// where lines hold the node (`lined`); along itself it rubs with all that presses there, and stops
-/// the node at most. So friction beside a wall in the same place is that of what presses on both,
-/// whichever of them comes first. `seen` hears of it once, with the last of its faces.
+/// the node at most. So friction beside a wall in the same place is that of what presses on both.
+/// One that sticks or prescribes has the node's velocity `v` as it is, without a part for others.
+/// `seen` hears of it once, with the last of its faces.
 template <class T, int D, class Seen>
 MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
                                     const std::int64_t (&cell)[D], T part, const Vec<T, D>& free,
@@ -158,8 +160,17 @@ MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
     const Reconverge at_return;
     int face = -1;
     const auto hears = [&](int, int at, const Vec<T, D>&, const Vec<T, D>&) { face = at; };
+    const Vec<T, D> before = v;
     Vec<T, D> smooth = free, rough = free;
     apply_boundary<true>(all, b, cell, BoundAxes<D>{}, smooth, hears, false);
+    if (face < 0) return;
+    const Response law = all.records[b].law[all.records[b].surface > 0 ? 0 : face].response;
+    if (law == Response::sticky || law == Response::prescribed) {
+        // It acts on whole components: there is no direction that others have taken a part of.
+        apply_boundary<true>(all, b, cell, BoundAxes<D>{}, v, hears, false);
+        for (int a = 0; a < D; ++a) v[a] = before[a] + part * (v[a] - before[a]);
+        return seen(b, face, before, v);
+    }
     apply_boundary<true>(all, b, cell, BoundAxes<D>{}, rough, hears, true);
     const Vec<T, D> wall = velocity_of_boundary<T, D>(all, b, cell);
     T size = 0, done = 0, rubs = 0, slides = 0;
@@ -174,62 +185,59 @@ MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
     left = left > T(0) ? (left < T(1) ? left : T(1)) : T(0);
     T share = rubs > T(0) ? slides / rubs : T(0);
     share = share > T(0) ? (share < T(1) ? share : T(1)) : T(0);
-    const Vec<T, D> before = v;
     for (int a = 0; a < D; ++a)
         v[a] += part * (left * (smooth[a] - free[a]) + share * (rough[a] - smooth[a]));
-    if (face >= 0) seen(b, face, before, v);
+    seen(b, face, before, v);
 }
 
 /// `seen(boundary, face, before, after)` hears of every response. `share(channels)` is the part of
 /// the node's mass that a boundary acts on: the impulse of one that is for some bodies alone is
-/// that of their mass. `bound`: by lines towards walls, from the velocity `by_itself`.
+/// that of their mass. Those come after all others, whatever their order in the scene, since they
+/// ask what others have taken; among themselves they follow each other. `bound`: by lines towards
+/// walls, from the velocity `by_itself`.
 template <bool special, class T, int D, class Seen, class Share = WholeShare>
 MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t (&cell)[D],
                                  Vec<T, D>& v, const Seen& seen, const Share& share = {},
                                  const BoundAxes<D>& bound = {},
                                  const Vec<T, D>* by_itself = nullptr) {
-    // What boundaries for some bodies alone have not changed, and where it began.
     [[maybe_unused]] const Vec<T, D> free = by_itself ? *by_itself : v;
-    [[maybe_unused]] Vec<T, D> taken{};
-    [[maybe_unused]] bool others = false, lined = false;
+    for (int b = 0; b < all.count; ++b) {
+        const BoundaryRecord<D>& r = all.records[b];
+        if (!r.active) continue;
+        if constexpr (special) {
+            if (r.share != 0) continue;
+        }
+        apply_boundary<special>(all, b, cell, bound, v, seen);
+    }
     if constexpr (special) {
+        if (!all.restricted) return;
+        Vec<T, D> taken;
+        bool others = false, lined = false;
         for (int a = 0; a < D; ++a) {
             taken[a] = v[a] - free[a];
             others = others || taken[a] != T(0);
             lined = lined || bound.on[a];
         }
-    }
-    for (int b = 0; b < all.count; ++b) {
-        if (!all.records[b].active) continue;
-        if constexpr (special) {
-            if (all.records[b].share != 0) {
-                const T part = T(share(all.records[b].share));
-                if (!(part > T(0))) continue;
-                if (others) {
-                    respond_beside_others<T, D>(all, b, cell, part, free, taken, lined, v, seen);
-                    continue;
-                }
-                const auto of_part = [&](const Vec<T, D>& from, const Vec<T, D>& to) {
-                    Vec<T, D> out;
-                    for (int a = 0; a < D; ++a) out[a] = from[a] + part * (to[a] - from[a]);
-                    return out;
-                };
-                const Vec<T, D> before = v;
-                apply_boundary<true>(all, b, cell, bound, v,
-                                     [&](int k, int face, const Vec<T, D>& x, const Vec<T, D>& y) {
-                                         seen(k, face, x, of_part(x, y));
-                                     });
-                v = of_part(before, v);
+        for (int b = 0; b < all.count; ++b) {
+            const BoundaryRecord<D>& r = all.records[b];
+            if (!r.active || r.share == 0) continue;
+            const T part = T(share(r.share));
+            if (!(part > T(0))) continue;
+            if (others) {
+                respond_beside_others<T, D>(all, b, cell, part, free, taken, lined, v, seen);
                 continue;
             }
+            const auto of_part = [&](const Vec<T, D>& from, const Vec<T, D>& to) {
+                Vec<T, D> out;
+                for (int a = 0; a < D; ++a) out[a] = from[a] + part * (to[a] - from[a]);
+                return out;
+            };
             const Vec<T, D> before = v;
-            apply_boundary<true>(all, b, cell, bound, v, seen);
-            for (int a = 0; a < D; ++a) {
-                taken[a] += v[a] - before[a];
-                others = others || v[a] != before[a];
-            }
-        } else {
-            apply_boundary<false>(all, b, cell, bound, v, seen);
+            apply_boundary<true>(all, b, cell, bound, v,
+                                 [&](int k, int face, const Vec<T, D>& x, const Vec<T, D>& y) {
+                                     seen(k, face, x, of_part(x, y));
+                                 });
+            v = of_part(before, v);
         }
     }
 }

@@ -229,7 +229,7 @@ struct TouchBoundaries {
             for (int a = 0; a < D; ++a)
                 x[a] = double(block[a]) * span +
                        (corner >> a & 1 ? span - 0.5 * cell_size : 0.5 * cell_size);
-            if (s.field.find(x, local) >= 0) return true;
+            if (s.field.find(x, local) != DistanceField<D>::outside) return true;
         }
         return false;
     }

@@ -19,6 +19,7 @@
 #include "mpm/solver/blocks_together.hpp"
 #include "mpm/solver/plan.hpp"
 #include "mpm/solver/spec.hpp"
+#include "mpm/solver/surface_blocks.hpp"
 #include "mpm/solver/time_tables.hpp"
 
 namespace mpm {
@@ -40,6 +41,7 @@ public:
                 linear_surfaces_,
                 mirrored_walls_,
                 down_,
+                restricted_,
                 solid_fields_.size() > 0 ? solid_fields_.data() : nullptr};
     }
     /// Gravity and boundaries of the moment of a clock.
@@ -100,11 +102,12 @@ private:
     bool linear_walls_ = false;  // kernels/wall_lines.hpp
     bool linear_surfaces_ = false;
     bool mirrored_walls_ = false;
-    int down_ = -1;  // as `BoundaryView` has it
+    int down_ = -1;            // as `BoundaryView` has it
+    bool restricted_ = false;  // as `BoundaryView` has it
     TimeTables<X> tables_{exec_};
     TimeTableView gravity_{};
     std::vector<Buffer<X, std::uint64_t>> surface_keys_;
-    std::vector<Buffer<X, std::int32_t>> surface_places_;
+    std::vector<Buffer<X, std::int32_t>> surface_places_, surface_all_;
     std::vector<Buffer<X, float>> surface_values_;
     Buffer<X, BoundaryRecord<D>> records_{exec_};
     Buffer<X, SurfaceRecord<D>> surfaces_{exec_};
@@ -160,6 +163,7 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
             if (weight >= 0) r.share |= std::uint64_t(1) << weight;
         }
         if (everyone) r.share = 0;
+        restricted_ = restricted_ || r.share != 0;
         r.limited = !s.within.empty();
         for (int a = 0; a < D && r.limited; ++a) {
             r.within_lower[a] = s.within[std::size_t(a)];
@@ -221,41 +225,26 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
 template <class X, int D>
 SurfaceRecord<D> Boundaries<X, D>::surface(const SurfaceSpec& s) {
     SurfaceRecord<D> r{};
-    // Keys ascend as the blocks' numbers do, last axis fastest.
-    const std::size_t blocks = s.keys.size() / D;
-    std::vector<std::pair<std::uint64_t, std::int32_t>> found;
+    const SurfaceBlocks<D> blocks(s);
     for (int a = 0; a < D; ++a) {
-        std::int64_t low = s.keys[std::size_t(a)], high = low;
-        for (std::size_t k = 0; k < blocks; ++k) {
-            low = std::min(low, s.keys[k * D + a]);
-            high = std::max(high, s.keys[k * D + a]);
-        }
-        r.field.low[a] = low;
-        r.field.counts[a] = high - low + 1;
+        r.field.low[a] = blocks.low[a];
+        r.field.counts[a] = blocks.counts[a];
         r.field.origin[a] = s.origin[std::size_t(a)];
         r.about[a] = s.about.empty() ? 0 : s.about[std::size_t(a)];
     }
-    for (std::size_t k = 0; k < blocks; ++k) {
-        std::uint64_t key = 0;
-        for (int a = 0; a < D; ++a)
-            key = key * std::uint64_t(r.field.counts[a]) +
-                  std::uint64_t(s.keys[k * D + a] - r.field.low[a]);
-        found.emplace_back(key, s.place[k]);
-    }
-    std::sort(found.begin(), found.end());
     std::vector<std::uint64_t> keys;
     std::vector<std::int32_t> places;
-    for (const auto& [key, place] : found) {
-        keys.push_back(key);
-        places.push_back(place);
-    }
+    blocks.list(s, keys, places);
     surface_keys_.emplace_back(exec_).assign(keys);
     surface_places_.emplace_back(exec_).assign(places);
+    auto& all = surface_all_.emplace_back(exec_);
+    all.assign(blocks.all(keys, places));
     surface_values_.emplace_back(exec_).assign(s.values);
     r.field.keys = surface_keys_.back().data();
     r.field.place = surface_places_.back().data();
     r.field.value = surface_values_.back().data();
-    r.field.count = std::int32_t(blocks);
+    r.field.all = all.size() > 0 ? all.data() : nullptr;
+    r.field.count = std::int32_t(keys.size());
     r.field.per_metre = 1 / s.spacing;
     r.decay = s.decay;
     r.thickness = s.thickness;
@@ -498,6 +487,7 @@ BlocksTogether Boundaries<X, D>::blocks_together(const BlockKeys<D>& keys_of) co
         s.field.keys = keys.data();
         s.field.place = places.data();
         s.field.value = values.data();
+        s.field.all = nullptr;
         add_lines(s, keys_of, together.lines);
     }
     return together;

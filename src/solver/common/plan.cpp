@@ -12,6 +12,7 @@
 #include "mpm/kernels/tally.hpp"
 #include "mpm/solver/element_mesh.hpp"
 #include "mpm/solver/plan_checks.hpp"
+#include "mpm/solver/surface_blocks.hpp"
 
 namespace mpm {
 
@@ -499,9 +500,13 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                                             : sizeof(SurfaceNode<3>)));
     if (plan.shift > 0 || plan.density)
         plan.memory_grid += slots * block_cells * backend.grid_real() * (plan.density ? 2 : 1);
-    for (const auto& b : spec.boundaries)
+    for (const auto& b : spec.boundaries) {
+        if (b.surface.keys.empty()) continue;
+        const std::uint64_t entries =
+            D == 2 ? SurfaceBlocks<2>(b.surface).entries() : SurfaceBlocks<3>(b.surface).entries();
         plan.memory_tables += double(4 * b.surface.values.size() + 8 * b.surface.keys.size() +
-                                     4 * b.surface.place.size());
+                                     4 * b.surface.place.size() + 4 * entries);
+    }
 
     if (spec.contact.any()) plan.memory_tables += 8 * slots;
     const bool mirrored = std::any_of(spec.boundaries.begin(), spec.boundaries.end(),

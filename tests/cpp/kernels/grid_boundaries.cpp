@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <vector>
 
 #include "mpm/core/number.hpp"
@@ -67,25 +68,42 @@ TEST(DomainWalls, slip_on_every_face_and_corner) {
             }
 }
 
-/// A bed below, a wall at the upper end of x, both smooth, and friction of some bodies alone in the
-/// bed's place, in the order of `order`; of a node of cell (x, 2, 0) that would go as `free`.
+/// A bed below, a wall at the upper end of x, both smooth, and of some bodies alone friction in the
+/// bed's place, one that sticks there or a box that stops all, in the order of `order`, by first
+/// letters; of a node of cell (x, 2, 0) that would go as `free`.
 Vec<double, 3> beside_others(const std::vector<char>& order, std::int64_t x,
-                             const Vec<double, 3>& free, double part, double mu = 0.4) {
+                             const Vec<double, 3>& free, double part,
+                             std::map<char, Vec<double, 3>>* loads = nullptr) {
+    const double mu = 0.4;
     const int cells[3] = {6, 5, 5};
     std::vector<BoundaryRecord<3>> all;
     for (const char kind : order) {
         BoundaryRecord<3> r = walls<3>(cells, Response::separable);
         for (int f = 0; f < 6; ++f) r.present[f] = f == (kind == 'w' ? 1 : 4);
-        if (kind == 'f') {
-            r.law[4].static_friction = r.law[4].dynamic_friction = mu;
-            r.share = 1;
+        r.share = kind == 'w' || kind == 'b' ? 0 : 1;
+        if (kind == 'f') r.law[4].static_friction = r.law[4].dynamic_friction = mu;
+        if (kind == 's') r.law[4].response = Response::sticky;
+        if (kind == 'p') {
+            r.is_box = 1;
+            for (int f = 0; f < 6; ++f) {
+                r.present[f] = 1;
+                r.law[f].response = Response::prescribed;
+                r.law[f].axes = 7;
+            }
         }
         all.push_back(r);
     }
     Vec<double, 3> v = free;
     const std::int64_t cell[3] = {x, 2, 0};
-    apply_boundaries<true>(BoundaryView<3>{all.data(), int(all.size()), nullptr, 1.0, 1}, cell, v,
-                           NothingSeen{}, [part](std::uint64_t) { return part; });
+    BoundaryView<3> view{all.data(), int(all.size()), nullptr, 1.0, 1};
+    view.restricted = true;
+    apply_boundaries<true>(
+        view, cell, v,
+        [&](int b, int, const Vec<double, 3>& before, const Vec<double, 3>& after) {
+            for (int a = 0; a < 3 && loads; ++a)
+                (*loads)[order[std::size_t(b)]][a] += before[a] - after[a];
+        },
+        [part](std::uint64_t) { return part; });
     return v;
 }
 
@@ -102,6 +120,37 @@ TEST(ForSomeBodies, friction_is_of_all_that_presses_in_any_order) {
             EXPECT_NEAR(corner[0], 0, 1e-15);
         }
         EXPECT_NEAR(corner[2], 0, 1e-15);
+    }
+}
+
+TEST(ForSomeBodies, what_stops_all_stops_it_beside_others) {
+    const Vec<double, 3> free{{1, 0.5, -1e-3}};
+    for (const char stops : {'s', 'p'})
+        for (const double part : {1.0, 0.25})
+            for (const std::vector<char>& order :
+                 {std::vector<char>{'b', stops}, {stops, 'b'}, {'b', stops, 'f'}}) {
+                const Vec<double, 3> v = beside_others(order, 2, free, part);
+                const bool rubs = order.size() > 2 && part < 1;
+                EXPECT_NEAR(v[0], 1 - part, rubs ? 1e-3 : 1e-15) << stops << part;
+                EXPECT_NEAR(v[1], 0.5 * (1 - part), rubs ? 1e-3 : 1e-15);
+                EXPECT_NEAR(v[2], 0, 1e-15);
+            }
+}
+
+TEST(ForSomeBodies, loads_do_not_depend_on_the_order) {
+    const Vec<double, 3> free{{1, 0, -1e-3}};
+    for (const std::int64_t x : {2, 5}) {
+        std::map<char, Vec<double, 3>> first;
+        beside_others({'w', 'b', 'f'}, x, free, 0.5, &first);
+        EXPECT_EQ(first['b'][2], -1e-3);  // what presses is the bed's
+        EXPECT_EQ(first['f'][2], 0);
+        for (const std::vector<char>& order :
+             {std::vector<char>{'f', 'w', 'b'}, {'w', 'f', 'b'}, {'f', 'b', 'w'}}) {
+            std::map<char, Vec<double, 3>> loads;
+            beside_others(order, x, free, 0.5, &loads);
+            for (const char of : order)
+                for (int a = 0; a < 3; ++a) EXPECT_EQ(loads[of][a], first[of][a]) << of << a;
+        }
     }
 }
 

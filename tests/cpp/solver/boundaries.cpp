@@ -57,6 +57,43 @@ struct Whole {
     }
 };
 
+TEST(SurfaceBlocks, a_table_of_all_says_what_a_search_does) {
+    SurfaceSpec spec;
+    spec.keys = {1, 4, -1, 3, 0, 2, 0, 5};  // blocks (1, 4), (-1, 3), (0, 2), (0, 5)
+    spec.place = {0, 2, DistanceField<2>::deep, 1};
+    const SurfaceBlocks<2> blocks(spec);
+    ASSERT_EQ(blocks.entries(), 12u);
+    std::vector<std::uint64_t> keys;
+    std::vector<std::int32_t> place;
+    blocks.list(spec, keys, place);
+    const std::vector<std::int32_t> all = blocks.all(keys, place);
+    DistanceField<2> field{keys.data(), place.data(), nullptr, 4, {-1, 2}, {3, 4}, {0.1, 0.2}, 8};
+    field.all = all.data();
+    for (int k = 0; k < 4; ++k) {
+        double centre[2], local[2];
+        for (int a = 0; a < 2; ++a)
+            centre[a] = field.origin[a] + double(spec.keys[std::size_t(2 * k + a)]) + 0.5;
+        EXPECT_EQ(field.find(centre, local), spec.place[std::size_t(k)]) << k;
+    }
+    int found[3] = {};  // outside, deep, with values
+    for (double x = -2.5; x < 3; x += 0.25)
+        for (double y = 0.5; y < 7; y += 0.25) {
+            const double at[2] = {x, y};
+            double local[2][2];
+            field.all = nullptr;
+            const std::int32_t searched = field.find(at, local[0]);
+            field.all = all.data();
+            EXPECT_EQ(field.find(at, local[1]), searched) << x << ' ' << y;
+            EXPECT_EQ(local[0][0], local[1][0]);
+            ++found[searched < 0 ? searched + 2 : 2];
+        }
+    for (const int n : found) EXPECT_GT(n, 0);
+    spec.keys.insert(spec.keys.end(), {600, 600});
+    spec.place.push_back(3);
+    EXPECT_EQ(SurfaceBlocks<2>(spec).entries(), 0u);
+    EXPECT_TRUE(SurfaceBlocks<2>(spec).all(keys, place).empty());
+}
+
 TEST(Boundaries, MoveByTheirTablesWhileTheyAct) {
     Cpu exec(1);
     Spec s = basin();
