@@ -52,18 +52,21 @@ MPM_INLINE MaskOf<V> sound(const Vec<V, D>& xi, const V (&state)[R]) {
 }
 
 /// What a deposit puts on any node is no more than this times its share of the node's mass:
-/// |value| + 3/2 sum |slope|, the largest over channels [First, Last).
-template <int First, int Last, class V, int D, int C>
+/// |value| + 3/2 sum |slope|, the largest over channels [First, Last). `sound`: where something is
+/// not a number, somebody else says so.
+template <int First, int Last, bool sound = false, class V, int D, int C>
 MPM_INLINE V deposit_size(const Affine<V, D, C>& u) {
     using T = ScalarOf<V>;
-    V most = V(T(0)), all = V(T(0));
+    V most = V(T(0));
+    [[maybe_unused]] V all = V(T(0));
     MPM_UNROLL for (int c = First; c < Last; ++c) {
         V tilt = absolute(u.slope[0][c]);
         MPM_UNROLL for (int a = 1; a < D; ++a) tilt = tilt + absolute(u.slope[a][c]);
         const V size = absolute(u.value[c]) + T(1.5) * tilt;
         most = larger(most, size);
-        all = all + size;
+        if constexpr (!sound) all = all + size;
     }
+    if constexpr (sound) return most;
     return most + all * T(0);  // not-a-number anywhere is not-a-number here
 }
 

@@ -7,6 +7,8 @@
 // of the coming step. Its stored velocity lies behind the columns of its state.
 #pragma once
 
+#include <type_traits>
+
 #include "mpm/kernels/body_common.hpp"
 #include "mpm/kernels/respond.hpp"
 
@@ -62,21 +64,34 @@ MPM_INLINE V share_of(const KeepNumbers<T>& s, V loss) {
 }
 
 namespace detail {
-/// One line of nodes along the last axis, or all lines from `Axis` on.
-template <int Axis, int N, class V, int D, class Nodes>
-MPM_INLINE void average_from(const Nodes& nodes, const Weights<V, D>& w, int at, V (&out)[N]) {
+/// Of two guards, 0 or 1 each. On a device the bits of three take one instruction.
+template <class V>
+MPM_INLINE V either(V a, V b) {
+#if defined(__CUDA_ARCH__)
+    if constexpr (std::is_same_v<V, float>)
+        return __uint_as_float(__float_as_uint(a) | __float_as_uint(b));
+#endif
+    return larger(a, b);
+}
+/// Averages over one line of nodes along the last axis, or over all lines from `Axis` on, and with
+/// `guarded` whether any of them is: `guard`. Of nodes whose weight is zero, as a particle on a
+/// face of its cell has them, the phased step takes none for it.
+template <int Axis, bool guarded, class V, int D, class Nodes>
+MPM_INLINE void average_from(const Nodes& nodes, const Weights<V, D>& w, int at, V (&out)[D],
+                             V& guard) {
     MPM_UNROLL for (int k = 0; k < 3; ++k) {
         const int place = at + k * Nodes::stride(Axis);
         if constexpr (Axis == D - 1) {
             const auto u = nodes.load(place);
-            MPM_UNROLL for (int c = 0; c < N; ++c) {
+            MPM_UNROLL for (int c = 0; c < D; ++c) {
                 const V part = w.value[Axis][k] * u.e[c];
                 out[c] = k == 0 ? part : out[c] + part;
             }
+            if constexpr (guarded) guard = either(guard, V(u.e[D]));
         } else {
-            V line[N];
-            average_from<Axis + 1, N>(nodes, w, place, line);
-            MPM_UNROLL for (int c = 0; c < N; ++c) {
+            V line[D];
+            average_from<Axis + 1, guarded>(nodes, w, place, line, guard);
+            MPM_UNROLL for (int c = 0; c < D; ++c) {
                 const V part = w.value[Axis][k] * line[c];
                 out[c] = k == 0 ? part : out[c] + part;
             }
@@ -98,16 +113,12 @@ MPM_INLINE Affine<G, D, kept_sums<D, S>> advance_keeping(
     constexpr int C = transfer_channels<D, S>, R = state_reals<Material, D, S>;
     const Weights<G, D> w = quadratic_weights<G, D>(as<G>(xi));
     const Affine<G, D, C> u = gather<C, G, D>(lines, w, origin);
-    G before[D + 1];
+    G before[D], guard = G(ScalarOf<G>(0));
     // Few schemes ask for the guard.
-    if (s.guarded) {
-        detail::average_from<0, D + 1>(nodes, w, first, before);
-    } else {
-        G seen[D];
-        detail::average_from<0, D>(nodes, w, first, seen);
-        MPM_UNROLL for (int a = 0; a < D; ++a) before[a] = seen[a];
-        before[D] = G(ScalarOf<G>(0));
-    }
+    if (s.guarded)
+        detail::average_from<0, true>(nodes, w, first, before, guard);
+    else
+        detail::average_from<0, false>(nodes, w, first, before, guard);
 
     V own[R];
     MPM_UNROLL for (int r = 0; r < R; ++r) own[r] = state[r];
@@ -118,7 +129,7 @@ MPM_INLINE Affine<G, D, kept_sums<D, S>> advance_keeping(
     V share = V(T(0));
     if (s.rule != ShiftRule::none) {
         share = share_of(s, volume_loss_in<Material, S, V, D>(own));
-        if (s.guarded) share = select(V(T(0)) < V(before[D]), V(T(0)), share);
+        if (s.guarded) share = select(V(T(0)) < V(guard), V(T(0)), share);
     }
     Affine<G, D, C + D> out;
     MPM_UNROLL for (int c = 0; c < D; ++c) {

@@ -170,7 +170,8 @@ struct Mover {
         Deposit<float, 3, 3> plain;
         if constexpr (Sizes::keeps) {
             const auto kept_part = part_of<C, 3>(u);
-            size.template see<3, 3>(kept_part);
+            // Of what is not a number here `transferred` is none either.
+            size.see_momentum(deposit_size<0, 3, true>(kept_part));
             plain = deposit_of(w, kept_part);
         }
         if (sound<Material>(xi, state)) {
