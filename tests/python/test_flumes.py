@@ -124,6 +124,7 @@ def test_every_level_is_a_valid_scene_with_its_instruments(kind, level):
                 "debris": "mixed",
                 "structure": "boxes",
                 "contact": 0.3,
+                "packing": None,
             },
         ),
         (

@@ -39,7 +39,6 @@ from libmpm._src.flumes.facility import (
     wall,
 )
 from libmpm._src.flumes.structures import (
-    BETWEEN_PIECES,
     CONTACT_TEXT,
     EDGE_TEXT,
     EDGES,
@@ -115,8 +114,9 @@ class DirectionalWaveBasin(Facility):
     13 to 15 % too high; the level "full" shifts particles.
 
     Blocks share the velocity of the water at the nodes of the grid, unless `contact` gives them
-    their own: they slide past each other and part then. Measured set-ups have it. Friction with
-    the platform acts on blocks alone, each kind with its own (`flumes.FRICTION`): pieces of a
+    their own: they slide past each other and part then. Measured set-ups do not have it: beside
+    contact nothing keeps water from packing, and the wave does not reach the platform. Friction
+    with the platform acts on blocks alone, each kind with its own (`flumes.FRICTION`): pieces of a
     custom field are of the kind that their prototype is named after, others need a number. Under
     blocks the bed lets go, with held nodes: off `Slip` no water lifts one.
 
@@ -143,13 +143,8 @@ class DirectionalWaveBasin(Facility):
     cases: ClassVar[dict[str, tuple[str, dict[str, Any]]]] = {
         "waves": ("laptop", {}),
         "platform": ("full", {}),
-        **{
-            kind: (
-                "full",
-                {"debris": kind, "width": "full", "contact": BETWEEN_PIECES, "packing": None},
-            )
-            for kind in ("hdpe", "wood")
-        },
+        "hdpe": ("full", {"debris": "hdpe", "width": "full"}),
+        "wood": ("full", {"debris": "wood", "width": "full"}),
     }
 
     cell_size: float = given("edge Δx of the cells", default=0.05, unit="m", above=0, high=0.3)

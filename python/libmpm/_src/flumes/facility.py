@@ -40,7 +40,7 @@ WIDTHS = ("slice", "strip", "half", "full")
 #: What a field `packing` means, for the facilities that have one.
 PACKING_TEXT = (
     "what keeps stirred water from packing and sinking, the more the finer the cells: an option of "
-    "`FBar`; None = nothing"
+    "`FBar`; None = nothing, as it has to be with `contact`"
 )
 
 #: Acceleration of gravity, m/s².
