@@ -23,9 +23,16 @@ if TYPE_CHECKING:
     from libmpm._src.flumes.criteria import Signals
 
 __all__ = [
-    "add_field", "carried_speed", "check_debris", "displacement", "first_contact", "lengthened",
-    "pieces_at_rest", "scattered", "spread", "track", "upper_half", "widest_spread", "width_across",
+    "FIELD_TEXT", "add_field", "carried_speed", "check_debris", "displacement", "first_contact",
+    "lengthened", "pieces_at_rest", "scattered", "spread", "track", "upper_half", "widest_spread",
+    "width_across",
 ]  # fmt: skip
+
+#: What a field `debris` says of a field of one's own, for the facilities that may have one half.
+FIELD_TEXT = (
+    "a `debris.DebrisField` in the facility's coordinates, of half of it at y > 0 or each piece "
+    "with its image"
+)
 
 #: Speed above which a piece counts as carried, m/s.
 _CARRIED = 0.1

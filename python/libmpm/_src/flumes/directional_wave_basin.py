@@ -17,6 +17,7 @@ from libmpm._src.flumes import records
 from libmpm._src.flumes.comparison import Comparison, Row
 from libmpm._src.flumes.criteria import Criterion
 from libmpm._src.flumes.debris import (
+    FIELD_TEXT,
     add_field,
     carried_speed,
     check_debris,
@@ -155,8 +156,7 @@ class DirectionalWaveBasin(Facility):
     )
     debris: str | DebrisField | None = given(
         'None, "hdpe" or "wood": 5 × 4 blocks, "mixed": both in turns, row by row and column by '
-        "column, or a `debris.DebrisField`, of half of it at y > 0 or each "
-        "piece with its image",
+        "column, or " + FIELD_TEXT,
         default=None,
     )
     gap: float | None = given(

@@ -17,7 +17,7 @@ from libmpm._src.boundaries.wave_makers import piston_stroke
 from libmpm._src.errors import ModelWarning, SceneError
 from libmpm._src.flumes import large_wave_flume_rows, near_field, records
 from libmpm._src.flumes.criteria import Criterion
-from libmpm._src.flumes.debris import add_field, check_debris, lengthened, scattered
+from libmpm._src.flumes.debris import FIELD_TEXT, add_field, check_debris, lengthened, scattered
 from libmpm._src.flumes.facility import (
     PACKING_TEXT,
     Deviation,
@@ -184,9 +184,7 @@ class LargeWaveFlume(Facility):
         default=None,
     )
     debris: str | DebrisField | None = given(
-        'None, a layout such as "16-L-1.0x0.8" (`records.load("lwf-layouts")`), or a '
-        "`debris.DebrisField` in the flume's coordinates; of half a flume at y > 0, or each piece "
-        "with its image",
+        'None, a layout such as "16-L-1.0x0.8" (`records.load("lwf-layouts")`), or ' + FIELD_TEXT,
         default=None,
     )
     bars: Literal["stated", "as-drawn"] = given(

@@ -182,11 +182,11 @@ class WasedaBasin(Facility):
         if self.rows and self.width == "slice":
             check.fail(f"rows is {self.rows} with width 'slice', where they would close the apron; "
                        "expected 0; use width='full'")  # fmt: skip
-        wide = "full" if self.width == "half" else self.width  # below
-        found["debris"] = check_debris(check, self.debris, _LAYOUTS, wide)
         if self.debris is not None and self.width == "half":
             check.fail("debris with width 'half', but it stands 5 mm off the centreline; expected "
                        "width='full'")  # fmt: skip
+        else:
+            found["debris"] = check_debris(check, self.debris, _LAYOUTS, self.width)
         return found
 
     @property

@@ -18,7 +18,14 @@ from libmpm._src.flumes import criteria as measures
 from libmpm._src.flumes import records
 from libmpm._src.flumes.comparison import Comparison, Row
 from libmpm._src.flumes.criteria import Criterion
-from libmpm._src.flumes.debris import add_field, check_debris, lengthened, scattered, track
+from libmpm._src.flumes.debris import (
+    FIELD_TEXT,
+    add_field,
+    check_debris,
+    lengthened,
+    scattered,
+    track,
+)
 from libmpm._src.flumes.facility import (
     Deviation,
     Facility,
@@ -146,8 +153,7 @@ class WASIRF(Facility):
     )
     debris: str | DebrisField | None = given(
         'None, one prism "A" to "I" lengthwise, "8-L" or "24-L" bars of the Large Wave Flume at '
-        "1:4, or a `debris.DebrisField`, of half of it at y > 0 or each "
-        "piece with its image",
+        "1:4, or " + FIELD_TEXT,
         default=None,
     )
     gap: float | None = given("between bars; None = two cells, with `contact` none", default=None,
