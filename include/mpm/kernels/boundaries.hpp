@@ -148,10 +148,11 @@ MPM_INLINE Vec<T, D> velocity_of_boundary(const BoundaryView<D>& all, int b,
 /// What a boundary for some bodies alone, `part` of the node's mass, makes of a node's velocity
 /// where other walls have changed that by `taken`: it responds to what the node would do by itself,
 /// `free`. Of what it takes across itself, that which others have taken is not taken again, nothing
-/// where lines hold the node (`lined`); along itself it rubs with all that presses there, and stops
-/// the node at most. So friction beside a wall in the same place is that of what presses on both.
-/// One that sticks or prescribes has the node's velocity `v` as it is, without a part for others.
-/// `seen` hears of it once, with the last of its faces.
+/// where lines hold the node (`lined`); along itself it rubs with all that presses there, against
+/// the velocity that others have left the node, and stops it at most. So friction beside a wall in
+/// the same place is that of what presses on both. One that sticks or prescribes has the node's
+/// velocity `v` as it is, without a part for others. `seen` hears of it once, with the last of its
+/// faces.
 template <class T, int D, class Seen>
 MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
                                     const std::int64_t (&cell)[D], T part, const Vec<T, D>& free,
@@ -173,20 +174,25 @@ MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
     }
     apply_boundary<true>(all, b, cell, BoundAxes<D>{}, rough, hears, true);
     const Vec<T, D> wall = velocity_of_boundary<T, D>(all, b, cell);
-    T size = 0, done = 0, rubs = 0, slides = 0;
+    T size = 0, done = 0, off = 0, rubs = 0;
     for (int a = 0; a < D; ++a) {
         const T across = smooth[a] - free[a], along = rough[a] - smooth[a];
         size += across * across;
         done += across * taken[a];
+        off += across * (v[a] - wall[a]);
         rubs += along * along;
-        slides -= along * (v[a] - wall[a]);
     }
-    T left = lined || !(size > T(0)) ? T(0) : T(1) - done / size;
+    if (!(size > T(0))) return seen(b, face, before, v);  // nothing presses
+    T left = lined ? T(0) : T(1) - done / size;
     left = left > T(0) ? (left < T(1) ? left : T(1)) : T(0);
-    T share = rubs > T(0) ? slides / rubs : T(0);
-    share = share > T(0) ? (share < T(1) ? share : T(1)) : T(0);
-    for (int a = 0; a < D; ++a)
-        v[a] += part * (left * (smooth[a] - free[a]) + share * (rough[a] - smooth[a]));
+    Vec<T, D> slide;
+    T slides = 0;
+    for (int a = 0; a < D; ++a) {
+        slide[a] = v[a] - wall[a] - off / size * (smooth[a] - free[a]);
+        slides += slide[a] * slide[a];
+    }
+    const T share = rubs < slides ? square_root(rubs / slides) : T(1);
+    for (int a = 0; a < D; ++a) v[a] += part * (left * (smooth[a] - free[a]) - share * slide[a]);
     seen(b, face, before, v);
 }
 

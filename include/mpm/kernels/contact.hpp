@@ -248,13 +248,12 @@ struct NodeContact {
         return part;
     }
     /// The reduced mass of two fields along a unit vector, in which they approach at `speed` more
-    /// than is allowed: where a boundary holds one of them that is the mass of the other. `mass`:
-    /// of both as if free. `w`: their relative velocity, where `mass_beside_walls` is asked for.
+    /// than is allowed, by `mass_beside_walls` where a boundary holds one of them. `mass`: of both
+    /// as if free. `w`: their relative velocity.
     template <class Seen>
     MPM_INLINE T mass_beside_boundaries(int n, const Fields& f, int a, int b,
                                         const Vec<T, D>& along, T speed, T mass, bool& limited,
-                                        const Seen* told, const Vec<T, D>* w = nullptr,
-                                        T allowed = 0) const {
+                                        const Seen* told, const Vec<T, D>& w, T allowed) const {
         const T push = mass * speed;
         Vec<T, D> mobility, by_b;
         const T of_a = part_given(n, f, a, along, -push / f.together[a], told, &mobility),
@@ -263,11 +262,9 @@ struct NodeContact {
         limited = true;
         const T inverse = of_a / f.together[a] + of_b / f.together[b];
         if (!(inverse > T(0))) return T(0);
-        // Where one of them is free, it takes what the other does not.
-        if (!w || of_a == T(1) || of_b == T(1)) return T(1) / inverse;
         for (int x = 0; x < D; ++x)
             mobility[x] = mobility[x] / f.together[a] + by_b[x] / f.together[b];
-        return mass_beside_walls<T, D>(mobility, *w, inverse, speed, allowed);
+        return mass_beside_walls<T, D>(mobility, w, inverse, speed, allowed);
     }
 
     /// The impulse that two fields exchange, on all that is stuck to them.
@@ -304,12 +301,12 @@ struct NodeContact {
             }
             across = square_root(across);
             mass_along = mass_beside_boundaries(n, f, a, b, normal, along - allowed, mass, limited,
-                                                &seen, &w, allowed);
+                                                &seen, w, allowed);
             if (!(mass_along > T(0))) return;
             if (across > T(0)) {
                 for (int x = 0; x < D; ++x) slide[x] /= across;
-                mass_across =
-                    mass_beside_boundaries(n, f, a, b, slide, across, mass, limited, &seen);
+                mass_across = mass_beside_boundaries(n, f, a, b, slide, across, mass, limited,
+                                                     &seen, w, T(0));
             }
         }
         if (!contact_impulse<T, D>(l, normal, w, mass_along, mass_across, allowed, impulse)) return;

@@ -123,6 +123,22 @@ TEST(ForSomeBodies, friction_is_of_all_that_presses_in_any_order) {
     }
 }
 
+TEST(ForSomeBodies, friction_is_against_the_way_that_others_leave) {
+    // The wall takes all along x, whatever the node would do there: friction is along y alone, and
+    // pushes nothing off the wall.
+    for (const std::vector<char>& order : {std::vector<char>{'w', 'b', 'f'}, {'f', 'w', 'b'}}) {
+        const Vec<double, 3> v = beside_others(order, 5, {{3e4, -1e4, -3.2e4}}, 1);
+        for (int a = 0; a < 3; ++a) EXPECT_NEAR(v[a], 0, 1e-9);
+        const Vec<double, 3> slides = beside_others(order, 5, {{30, -100, -32}}, 1);
+        EXPECT_NEAR(slides[0], 0, 1e-12);
+        EXPECT_NEAR(slides[1], -100 + 0.4 * 32, 1e-12);
+        EXPECT_NEAR(slides[2], 0, 1e-12);
+        const Vec<double, 3> half = beside_others(order, 5, {{30, -100, -32}}, 0.5);
+        EXPECT_NEAR(half[0], 0, 1e-12);
+        EXPECT_NEAR(half[1], -100 + 0.2 * 32, 1e-12);
+    }
+}
+
 TEST(ForSomeBodies, what_stops_all_stops_it_beside_others) {
     const Vec<double, 3> free{{1, 0.5, -1e-3}};
     for (const char stops : {'s', 'p'})

@@ -233,5 +233,57 @@ TEST(Contact, impulse_beside_walls_takes_no_more_than_they_leave) {
     beside_walls<3>();
 }
 
+/// A free body of any mass beside another that walls hold across some axes: neither is moved by
+/// more than they approach each other at, and energy is taken.
+template <int D>
+void light_beside_heavy() {
+    std::mt19937 random(11);
+    std::uniform_real_distribution<double> any(-1, 1);
+    int thrown = 0;
+    for (int k = 0; k < 8000; ++k) {
+        const double of_a = std::pow(10.0, 4 * any(random)), of_b = std::pow(10.0, 4 * any(random));
+        const double leans = std::pow(10.0, -4.0 * std::abs(any(random)));
+        const int held = D == 3 && k % 2 == 0 ? 2 : 1;  // axes that hold b: a wall, or an edge
+        Vec<double, D> n{}, a{}, b{}, w{}, mobility{};
+        double size = 0;
+        for (int x = 0; x < D; ++x) {
+            n[x] = (x < held ? 1 : leans) * any(random);
+            size += n[x] * n[x];
+            a[x] = any(random);
+            b[x] = x < held ? 0 : any(random);
+            w[x] = a[x] - b[x];
+        }
+        double along = 0, inverse = 0;
+        for (int x = 0; x < D; ++x) {
+            n[x] /= std::sqrt(size);
+            along += w[x] * n[x];
+            mobility[x] = n[x] / of_a + (x < held ? 0 : n[x] / of_b);
+            inverse += mobility[x] * n[x];
+        }
+        if (!(along > 0)) continue;
+        const double push = mass_beside_walls<double, D>(mobility, w, inverse, along, 0.0) * along;
+        double before = 0, after = 0, moved_a = 0, moved_b = 0, rigid = 0, all = 0;
+        for (int x = 0; x < D; ++x) {
+            const double by_a = -push * n[x] / of_a, by_b = x < held ? 0 : push * n[x] / of_b;
+            const double of_rigid = x < held ? 0 : along / inverse * n[x] / of_b;
+            moved_a += by_a * by_a;
+            moved_b += by_b * by_b;
+            rigid += of_rigid * of_rigid;
+            all += w[x] * w[x];
+            before += of_a * a[x] * a[x] + of_b * b[x] * b[x];
+            after += of_a * (a[x] + by_a) * (a[x] + by_a) + of_b * (b[x] + by_b) * (b[x] + by_b);
+        }
+        EXPECT_LE(moved_a, all * (1 + 1e-9));
+        EXPECT_LE(moved_b, all * (1 + 1e-9));
+        EXPECT_LE(after, before * (1 + 1e-12));
+        thrown += rigid > 9 * all;  // where b gives way until they do not approach any more
+    }
+    EXPECT_GT(thrown, 50);
+}
+TEST(Contact, nothing_light_is_squeezed_out_beside_walls) {
+    light_beside_heavy<2>();
+    light_beside_heavy<3>();
+}
+
 }  // namespace
 }  // namespace mpm
