@@ -15,12 +15,11 @@ function(mpm_add_tests folder)
   if(LIBMPM_SANITIZE)
     set(longest 900)
   endif()
-  # A quarter to a third less to compile than -O2; what they run of the library is as it is installed.
+  # A third less to compile than -O2; what they run of the library, and what lies in support, is not.
   set(optimised "$<$<CONFIG:Release>:-O1>")
   file(GLOB support CONFIGURE_DEPENDS "${folder}/support/*.cpp")
   add_library(mpm_test_support STATIC ${support})
   set_source_files_properties(${support} PROPERTIES COMPILE_OPTIONS "${MPM_HOT_SANITIZED}")
-  target_compile_options(mpm_test_support PRIVATE "${optimised}")
   target_include_directories(mpm_test_support PUBLIC "${folder}")
   target_link_libraries(mpm_test_support PUBLIC ${arg_LINKS} mpm_flags)
   add_dependencies(mpm_test_support mpm_floors)
