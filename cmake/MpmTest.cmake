@@ -15,7 +15,7 @@ function(mpm_add_tests folder)
   if(LIBMPM_SANITIZE)
     set(longest 900)
   endif()
-  # A third less to compile than -O2; what they run of the library, and what lies in support, is not.
+  # A third less to compile than -O2. The library that they run, and what lies in support, keep theirs.
   set(optimised "$<$<CONFIG:Release>:-O1>")
   file(GLOB support CONFIGURE_DEPENDS "${folder}/support/*.cpp")
   add_library(mpm_test_support STATIC ${support})

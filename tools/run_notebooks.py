@@ -3,8 +3,8 @@
 
     python tools/run_notebooks.py [NOTEBOOK...]    all of docs/ without names
 
-What differs from run to run (counts of executions, times, identities of objects) is left out. The
-documentation's build runs them again, so stored outputs are for the eye and decide nothing.
+What differs from run to run (counts of executions, times, identities of objects) is left out. Pages
+built by `.ci/run` show these outputs; `.ci/run deep` runs the notebooks again, and decides.
 """
 
 from __future__ import annotations
