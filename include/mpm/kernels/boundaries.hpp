@@ -132,27 +132,14 @@ struct WholeShare {
     MPM_INLINE double operator()(std::uint64_t) const { return 1; }
 };
 
-/// Velocity of a boundary at a node.
-template <class T, int D>
-MPM_INLINE Vec<T, D> velocity_of_boundary(const BoundaryView<D>& all, int b,
-                                          const std::int64_t (&cell)[D]) {
-    const BoundaryRecord<D>& r = all.records[b];
-    double x[D], moving[D] = {};
-    node_position<D>(cell, all.cell_size, x);
-    if (r.surface > 0) all.surfaces[r.surface - 1].velocity_at(x, moving);
-    Vec<T, D> out;
-    for (int a = 0; a < D; ++a) out[a] = T(r.velocity[a]) + T(moving[a]);
-    return out;
-}
-
 /// What a boundary for some bodies alone, `part` of the node's mass, makes of a node's velocity
 /// where other walls have changed that by `taken`: it responds to what the node would do by itself,
 /// `free`. Of what it takes across itself, that which others have taken is not taken again, nothing
 /// where lines hold the node (`lined`); along itself it rubs with all that presses there, against
-/// the velocity that others have left the node, and stops it at most. So friction beside a wall in
-/// the same place is that of what presses on both. One that sticks or prescribes has the node's
-/// velocity `v` as it is, without a part for others. `seen` hears of it once, with the last of its
-/// faces.
+/// what others have left the node of its velocity along it, and stops it at most. So friction
+/// beside a wall in the same place is that of what presses on both. One that sticks or prescribes
+/// has the node's velocity `v` as it is, without a part for others. `seen` hears of it once, with
+/// the last of its faces.
 template <class T, int D, class Seen>
 MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
                                     const std::int64_t (&cell)[D], T part, const Vec<T, D>& free,
@@ -162,7 +149,7 @@ MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
     int face = -1;
     const auto hears = [&](int, int at, const Vec<T, D>&, const Vec<T, D>&) { face = at; };
     const Vec<T, D> before = v;
-    Vec<T, D> smooth = free, rough = free;
+    Vec<T, D> smooth = free;
     apply_boundary<true>(all, b, cell, BoundAxes<D>{}, smooth, hears, false);
     if (face < 0) return;
     const Response law = all.records[b].law[all.records[b].surface > 0 ? 0 : face].response;
@@ -172,27 +159,23 @@ MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
         for (int a = 0; a < D; ++a) v[a] = before[a] + part * (v[a] - before[a]);
         return seen(b, face, before, v);
     }
-    apply_boundary<true>(all, b, cell, BoundAxes<D>{}, rough, hears, true);
-    const Vec<T, D> wall = velocity_of_boundary<T, D>(all, b, cell);
-    T size = 0, done = 0, off = 0, rubs = 0;
+    T size = 0, done = 0, inward = 0;
     for (int a = 0; a < D; ++a) {
-        const T across = smooth[a] - free[a], along = rough[a] - smooth[a];
+        const T across = smooth[a] - free[a];
         size += across * across;
         done += across * taken[a];
-        off += across * (v[a] - wall[a]);
-        rubs += along * along;
+        inward += across * (free[a] - v[a]);
     }
     if (!(size > T(0))) return seen(b, face, before, v);  // nothing presses
     T left = lined ? T(0) : T(1) - done / size;
     left = left > T(0) ? (left < T(1) ? left : T(1)) : T(0);
-    Vec<T, D> slide;
-    T slides = 0;
-    for (int a = 0; a < D; ++a) {
-        slide[a] = v[a] - wall[a] - off / size * (smooth[a] - free[a]);
-        slides += slide[a] * slide[a];
-    }
-    const T share = rubs < slides ? square_root(rubs / slides) : T(1);
-    for (int a = 0; a < D; ++a) v[a] += part * (left * (smooth[a] - free[a]) - share * slide[a]);
+    // Pressed as the node would press by itself, and sliding as others leave it.
+    Vec<T, D> slides, rough;
+    for (int a = 0; a < D; ++a) slides[a] = rough[a] = v[a] + inward / size * (smooth[a] - free[a]);
+    apply_boundary<true>(all, b, cell, BoundAxes<D>{}, slides, hears, false);
+    apply_boundary<true>(all, b, cell, BoundAxes<D>{}, rough, hears, true);
+    for (int a = 0; a < D; ++a)
+        v[a] += part * (left * (smooth[a] - free[a]) + (rough[a] - slides[a]));
     seen(b, face, before, v);
 }
 

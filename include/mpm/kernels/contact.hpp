@@ -247,24 +247,39 @@ struct NodeContact {
         for (int x = 0; x < D && given; ++x) (*given)[x] = v[x] / by;
         return part;
     }
-    /// The reduced mass of two fields along a unit vector, in which they approach at `speed` more
-    /// than is allowed, by `mass_beside_walls` where a boundary holds one of them. `mass`: of both
-    /// as if free. `w`: their relative velocity.
+    /// What an impulse along a unit vector meets between two fields.
+    struct Meeting {
+        T mass;              // reduced, by `mass_beside_walls` where a boundary limits one of them
+        T whole;             // without that bound
+        Vec<T, D> mobility;  // w changes by the impulse times minus this
+        bool limited = false;
+    };
+    /// Along a unit vector in which two fields approach at `speed` more than is allowed. `mass`: of
+    /// both as if free. `w`: their relative velocity.
     template <class Seen>
-    MPM_INLINE T mass_beside_boundaries(int n, const Fields& f, int a, int b,
-                                        const Vec<T, D>& along, T speed, T mass, bool& limited,
-                                        const Seen* told, const Vec<T, D>& w, T allowed) const {
+    MPM_INLINE Meeting meeting_beside_boundaries(int n, const Fields& f, int a, int b,
+                                                 const Vec<T, D>& along, T speed, T mass,
+                                                 const Seen* told, const Vec<T, D>& w,
+                                                 T allowed) const {
         const T push = mass * speed;
-        Vec<T, D> mobility, by_b;
-        const T of_a = part_given(n, f, a, along, -push / f.together[a], told, &mobility),
+        Meeting out;
+        Vec<T, D> by_b;
+        const T of_a = part_given(n, f, a, along, -push / f.together[a], told, &out.mobility),
                 of_b = part_given(n, f, b, along, push / f.together[b], told, &by_b);
-        if (of_a == T(1) && of_b == T(1)) return mass;
-        limited = true;
-        const T inverse = of_a / f.together[a] + of_b / f.together[b];
-        if (!(inverse > T(0))) return T(0);
         for (int x = 0; x < D; ++x)
-            mobility[x] = mobility[x] / f.together[a] + by_b[x] / f.together[b];
-        return mass_beside_walls<T, D>(mobility, w, inverse, speed, allowed);
+            out.mobility[x] = out.mobility[x] / f.together[a] + by_b[x] / f.together[b];
+        out.limited = of_a != T(1) || of_b != T(1);
+        if (!out.limited) {
+            out.mass = out.whole = mass;
+            return out;
+        }
+        const T inverse = of_a / f.together[a] + of_b / f.together[b];
+        out.mass = out.whole = 0;
+        if (!(inverse > T(0))) return out;
+        out.whole = T(1) / inverse;
+        out.mass = mass_beside_walls<T, D>(out.mobility, w, inverse, speed, allowed,
+                                           of_a == T(1) || of_b == T(1));
+        return out;
     }
 
     /// The impulse that two fields exchange, on all that is stuck to them.
@@ -288,25 +303,35 @@ struct NodeContact {
         if (!(square > allowed * allowed)) return;
         if (!direction(f.slot[i], f.slot[j], of_a, of_b, n, normal)) return;
         const T mass = f.together[a] * f.together[b] / (f.together[a] + f.together[b]);
-        T mass_along = mass, mass_across = mass;
+        T mass_along = mass, mass_across = mass, whole_across = mass;
         bool limited = false;
         if (node.touched[f.slot[a]] || node.touched[f.slot[b]]) {
             T along = 0, across = 0;
             for (int x = 0; x < D; ++x) along += w[x] * normal[x];
-            if (!(along > allowed)) return;
-            Vec<T, D> slide;
+            const T speed = along - allowed;
+            if (!(speed > T(0))) return;
+            Vec<T, D> slide, left;
             for (int x = 0; x < D; ++x) {
                 slide[x] = w[x] - along * normal[x];
                 across += slide[x] * slide[x];
             }
             across = square_root(across);
-            mass_along = mass_beside_boundaries(n, f, a, b, normal, along - allowed, mass, limited,
-                                                &seen, w, allowed);
+            const Meeting pushed =
+                meeting_beside_boundaries(n, f, a, b, normal, speed, mass, &seen, w, allowed);
+            mass_along = pushed.mass;
+            limited = pushed.limited;
             if (!(mass_along > T(0))) return;
             if (across > T(0)) {
-                for (int x = 0; x < D; ++x) slide[x] /= across;
-                mass_across = mass_beside_boundaries(n, f, a, b, slide, across, mass, limited,
-                                                     &seen, w, T(0));
+                // Friction has what the push leaves.
+                for (int x = 0; x < D; ++x) {
+                    slide[x] /= across;
+                    left[x] = w[x] - mass_along * speed * pushed.mobility[x];
+                }
+                const Meeting rubbed =
+                    meeting_beside_boundaries(n, f, a, b, slide, across, mass, &seen, left, T(0));
+                mass_across = rubbed.mass;
+                whole_across = rubbed.whole;
+                limited = limited || rubbed.limited;
             }
         }
         if (!contact_impulse<T, D>(l, normal, w, mass_along, mass_across, allowed, impulse)) return;
@@ -315,7 +340,7 @@ struct NodeContact {
             f.velocity[b][x] += impulse[x] / f.together[b];
         }
         f.pushed[a] = f.pushed[b] = true;
-        met(i, j, impulse, normal, w, mass_across);
+        met(i, j, impulse, normal, w, whole_across);
         if (!limited) return;
         // At once, so that no other body is pushed by what a boundary does not let move.
         respond_of(n, f, a, seen);

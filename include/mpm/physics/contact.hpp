@@ -149,21 +149,25 @@ MPM_INLINE bool contact_impulse(const ContactLaw& law, const Vec<T, D>& n, const
 /// relative velocity w = v_a - v_b then changes by the impulse times -`mobility`. `inverse`:
 /// n · mobility > 0, `speed`: w · n - allowed > 0.
 ///
-/// What of w is not along the mobility no impulse changes: of two bodies at a wall, of which one is
-/// held and the other is moved across the wall by its neighbours, what they have across it. An
-/// impulse that took all of w · n by the little of n that lies along the wall would throw both out
-/// sideways, the further the less that is. So it takes no more of w than there is along the
-/// mobility. Where w has nothing else, the two are one.
+/// Where boundaries limit both, what of w is not along the mobility no impulse changes: of two
+/// bodies at a wall, of which one is held and the other is moved across the wall by its neighbours,
+/// what they have across it. An impulse that took all of w · n by the little of n that lies along
+/// the wall would throw both out sideways, the further the less that is. So it takes no more of w
+/// than there is along the mobility. Where w has nothing else, the two are one.
+///
+/// Where `one_is_free` all of w may change. But a light body that a wall holds would be squeezed
+/// out along it by a heavy one: w changes by no more than its own size.
 template <class T, int D>
 MPM_INLINE T mass_beside_walls(const Vec<T, D>& mobility, const Vec<T, D>& w, T inverse, T speed,
-                               T allowed) {
-    T square = 0, along = 0;
+                               T allowed, bool one_is_free) {
+    T square = 0, along = 0, size = 0;
     for (int a = 0; a < D; ++a) {
         const T d = mobility[a] / inverse;  // of the order of one
         square += d * d;
         along += d * w[a];
+        size += w[a] * w[a];
     }
-    const T most = along / square - allowed;
+    const T most = one_is_free ? square_root(size / square) : along / square - allowed;
     if (!(most > T(0))) return T(0);
     return most < speed ? most / (speed * inverse) : T(1) / inverse;
 }
