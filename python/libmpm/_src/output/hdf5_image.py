@@ -88,6 +88,7 @@ def new_file(path: Path) -> Iterator[h5py.File]:
     root.set_obj_track_times(False)
     with h5py.File(h5py.h5f.create(b"memory", h5py.h5f.ACC_TRUNC, root, access)) as file:
         yield file
-    # Python 3.12.1 crashes where its collector meets a view of these bytes, as an error would keep.
+    # Python 3.12.1 crashes if its garbage collector frees a view of these bytes, which the frames
+    # of an error would keep alive (`Path.write_bytes` makes one).
     with replacing(path) as part, part.open("wb") as target, content.getbuffer() as buffer:
         target.write(buffer)
