@@ -182,8 +182,8 @@ MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
 /// `seen(boundary, face, before, after)` hears of every response. `share(channels)` is the part of
 /// the node's mass that a boundary acts on: the impulse of one that is for some bodies alone is
 /// that of their mass. Those come after all others, whatever their order in the scene, since they
-/// ask what others have taken; among themselves they follow each other. `bound`: by lines towards
-/// walls, from the velocity `by_itself`.
+/// ask what others, and those of them before, have taken. `bound`: by lines towards walls, from the
+/// velocity `by_itself`.
 template <bool special, class T, int D, class Seen, class Share = WholeShare>
 MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t (&cell)[D],
                                  Vec<T, D>& v, const Seen& seen, const Share& share = {},
@@ -200,18 +200,19 @@ MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t 
     }
     if constexpr (special) {
         if (!all.restricted) return;
-        Vec<T, D> taken;
-        bool others = false, lined = false;
-        for (int a = 0; a < D; ++a) {
-            taken[a] = v[a] - free[a];
-            others = others || taken[a] != T(0);
-            lined = lined || bound.on[a];
-        }
+        bool lined = false;
+        for (int a = 0; a < D; ++a) lined = lined || bound.on[a];
         for (int b = 0; b < all.count; ++b) {
             const BoundaryRecord<D>& r = all.records[b];
             if (!r.active || r.share == 0) continue;
             const T part = T(share(r.share));
             if (!(part > T(0))) continue;
+            Vec<T, D> taken;
+            bool others = false;
+            for (int a = 0; a < D; ++a) {
+                taken[a] = v[a] - free[a];
+                others = others || taken[a] != T(0);
+            }
             if (others) {
                 respond_beside_others<T, D>(all, b, cell, part, free, taken, lined, v, seen);
                 continue;

@@ -46,6 +46,11 @@ MPM_INLINE void find_siblings(const BlockTableView<D>& table, std::int32_t slot,
 /// One node with all its fields.
 template <class T, class Sum, int D>
 struct NodeContact {
+    /// Beside boundaries, of the velocities: slower approaches are none. What a boundary leaves of
+    /// a push is a difference of velocities, off by a few roundings of them. Where that was all
+    /// there was, boundaries seemed to hold what they do not, and light bodies were thrown.
+    static constexpr T least_approach = 64 * std::numeric_limits<T>::epsilon();
+
     NodeUpdate<T, Sum, D> node;
     ContactView contact;
     KnownNodes<D> known = {};  // where nodes beside boundaries are listed
@@ -135,6 +140,11 @@ struct NodeContact {
     MPM_INLINE void solve(int n, Fields& f, const Seen& seen, const Met& met = {}) const {
         for (int i = 0; i < f.count; ++i)
             if (f.of[i] == i) begin(n, f, i, seen);
+        meet_all(n, f, seen, met);
+    }
+    /// What of `solve` comes after boundaries.
+    template <class Seen, class Met>
+    MPM_INLINE void meet_all(int n, Fields& f, const Seen& seen, const Met& met) const {
         int pairs = 0;
         for (int i = 0; i < f.count; ++i)
             for (int j = i + 1; j < f.count; ++j) pairs += f.of[i] != f.of[j];
@@ -142,10 +152,16 @@ struct NodeContact {
             for (int i = 0; i < f.count; ++i)
                 for (int j = i + 1; j < f.count; ++j)
                     if (f.of[i] != f.of[j]) meet(n, f, i, j, seen, met);
-        for (int i = 0; i < f.count; ++i)
-            if (f.of[i] == i && f.pushed[i]) respond_of(n, f, i, seen);
     }
 
+    /// Before any contact, where none are stuck: what the grid update has left, which is the same.
+    MPM_INLINE void begin_as_updated(int n, Fields& f) const {
+        for (int i = 0; i < f.count; ++i) {
+            const T* left = node.grid.velocity + node.grid.velocity_place(f.slot[i], n);
+            for (int a = 0; a < D; ++a) f.velocity[i][a] = f.lined[i][a] = left[a];
+            f.together[i] = f.mass[i];
+        }
+    }
     /// Before any contact: as one body that all those stuck together make.
     template <class Seen>
     MPM_INLINE void begin(int n, Fields& f, int i, const Seen& seen) const {
@@ -252,7 +268,6 @@ struct NodeContact {
         T mass;              // reduced, by `mass_beside_walls` where a boundary limits one of them
         T whole;             // without that bound
         Vec<T, D> mobility;  // w changes by the impulse times minus this
-        bool limited = false;
     };
     /// Along a unit vector in which two fields approach at `speed` more than is allowed. `mass`: of
     /// both as if free. `w`: their relative velocity.
@@ -268,8 +283,7 @@ struct NodeContact {
                 of_b = part_given(n, f, b, along, push / f.together[b], told, &by_b);
         for (int x = 0; x < D; ++x)
             out.mobility[x] = out.mobility[x] / f.together[a] + by_b[x] / f.together[b];
-        out.limited = of_a != T(1) || of_b != T(1);
-        if (!out.limited) {
+        if (of_a == T(1) && of_b == T(1)) {
             out.mass = out.whole = mass;
             return out;
         }
@@ -282,44 +296,110 @@ struct NodeContact {
         return out;
     }
 
+    /// The part of an impulse beside boundaries that changes w, the relative velocity, by no more
+    /// than its size. What they leave of it was asked of the push and of friction apart, and a
+    /// boundary that lets go, or rubs, answers both together otherwise.
+    template <class Seen>
+    MPM_INLINE T part_that_acts(int n, const Fields& f, int a, int b, const Vec<T, D>& impulse,
+                                const Vec<T, D>& w, const Seen* told) const {
+        T push = 0, size = 0, change = 0;
+        const T inverse = T(1) / f.together[a] + T(1) / f.together[b];
+        for (int x = 0; x < D; ++x) {
+            push += impulse[x] * inverse * impulse[x] * inverse;
+            size += w[x] * w[x];
+        }
+        const T most = size * (T(1) + least_approach);  // that, rounded
+        if (!(push > most)) return T(1);                // boundaries add nothing to it
+        const Vec<T, D> of_a = changed_by(n, f, a, impulse, T(-1), told),
+                        of_b = changed_by(n, f, b, impulse, T(1), told);
+        for (int x = 0; x < D; ++x) {
+            const T by = of_a[x] - of_b[x] - w[x];
+            change += by * by;
+        }
+        return change <= most ? T(1) : square_root(size / change);
+    }
+    /// The velocity of a field after so much of an impulse, by boundaries.
+    template <class Seen>
+    MPM_INLINE Vec<T, D> changed_by(int n, const Fields& f, int i, const Vec<T, D>& impulse, T part,
+                                    const Seen*) const {
+        bool changed = false;
+        Vec<T, D> v = f.velocity[i];
+        for (int x = 0; x < D; ++x) v[x] += part * impulse[x] / f.together[i];
+        respond(n, f, i, v, Told<Seen>{&changed, nullptr, &f, 0, 0, i});
+        return v;
+    }
+    MPM_INLINE static T largest_of(const Vec<T, D>& u, const Vec<T, D>& v) {
+        T most = 0;
+        for (int x = 0; x < D; ++x) {
+            if (absolute(u[x]) > most) most = absolute(u[x]);
+            if (absolute(v[x]) > most) most = absolute(v[x]);
+        }
+        return most;
+    }
+
+    /// How two fields approach each other.
+    struct Approach {
+        Vec<T, D> w, normal;
+        T allowed;  // along the normal, m/s
+        T speed;    // more than that
+    };
+    /// False where they do not.
+    MPM_INLINE bool approach(int n, const Fields& f, int i, int j, Approach& out) const {
+        const int a = f.of[i], b = f.of[j];
+        const T of_a = T(1 / contact.full[f.kind[i]]), of_b = T(1 / contact.full[f.kind[j]]);
+        if (!approach_allowed<T>(contact.laws[law(f, i, j)], f.fills[i] * of_a, f.fills[j] * of_b,
+                                 node.boundaries.cell_size / node.clock->dt, out.allowed))
+            return false;
+        T square = 0, along = 0;
+        for (int x = 0; x < D; ++x) {
+            out.w[x] = f.velocity[a][x] - f.velocity[b][x];
+            square += out.w[x] * out.w[x];
+        }
+        // Slower than the gap allows in any direction: there is no normal to look for.
+        if (!(square > out.allowed * out.allowed)) return false;
+        if (!direction(f.slot[i], f.slot[j], of_a, of_b, n, out.normal)) return false;
+        for (int x = 0; x < D; ++x) along += out.w[x] * out.normal[x];
+        out.speed = along - out.allowed;
+        return out.speed > (beside_boundaries(f, a, b)
+                                ? least_approach * largest_of(f.velocity[a], f.velocity[b])
+                                : T(0));
+    }
+    MPM_INLINE bool beside_boundaries(const Fields& f, int a, int b) const {
+        return node.touched[f.slot[a]] || node.touched[f.slot[b]];
+    }
+    /// Do any two fields approach each other?
+    MPM_INLINE bool any_approach(int n, const Fields& f) const {
+        Approach found;
+        for (int i = 0; i < f.count; ++i)
+            for (int j = i + 1; j < f.count; ++j)
+                if (f.of[i] != f.of[j] && approach(n, f, i, j, found)) return true;
+        return false;
+    }
+
     /// The impulse that two fields exchange, on all that is stuck to them.
     template <class Seen, class Met>
     MPM_CALL void meet(int n, Fields& f, int i, int j, const Seen& seen, const Met& met) const {
         const Reconverge at_return;
         const int a = f.of[i], b = f.of[j];
-        const ContactLaw& l = contact.laws[law(f, i, j)];
-        const T of_a = T(1 / contact.full[f.kind[i]]), of_b = T(1 / contact.full[f.kind[j]]);
-        T allowed;
-        if (!approach_allowed<T>(l, f.fills[i] * of_a, f.fills[j] * of_b,
-                                 node.boundaries.cell_size / node.clock->dt, allowed))
-            return;
-        Vec<T, D> w, normal, impulse;
-        T square = 0;
-        for (int x = 0; x < D; ++x) {
-            w[x] = f.velocity[a][x] - f.velocity[b][x];
-            square += w[x] * w[x];
-        }
-        // Slower than the gap allows in any direction: there is no normal to look for.
-        if (!(square > allowed * allowed)) return;
-        if (!direction(f.slot[i], f.slot[j], of_a, of_b, n, normal)) return;
+        Approach found;
+        if (!approach(n, f, i, j, found)) return;
+        const Vec<T, D>&w = found.w, &normal = found.normal;
+        const T speed = found.speed, allowed = found.allowed;
+        Vec<T, D> impulse;
         const T mass = f.together[a] * f.together[b] / (f.together[a] + f.together[b]);
         T mass_along = mass, mass_across = mass, whole_across = mass;
-        bool limited = false;
-        if (node.touched[f.slot[a]] || node.touched[f.slot[b]]) {
-            T along = 0, across = 0;
-            for (int x = 0; x < D; ++x) along += w[x] * normal[x];
-            const T speed = along - allowed;
-            if (!(speed > T(0))) return;
+        const bool beside = beside_boundaries(f, a, b);
+        if (beside) {
+            T across = 0;
             Vec<T, D> slide, left;
             for (int x = 0; x < D; ++x) {
-                slide[x] = w[x] - along * normal[x];
+                slide[x] = w[x] - (speed + allowed) * normal[x];
                 across += slide[x] * slide[x];
             }
             across = square_root(across);
             const Meeting pushed =
                 meeting_beside_boundaries(n, f, a, b, normal, speed, mass, &seen, w, allowed);
             mass_along = pushed.mass;
-            limited = pushed.limited;
             if (!(mass_along > T(0))) return;
             if (across > T(0)) {
                 // Friction has what the push leaves.
@@ -331,17 +411,22 @@ struct NodeContact {
                     meeting_beside_boundaries(n, f, a, b, slide, across, mass, &seen, left, T(0));
                 mass_across = rubbed.mass;
                 whole_across = rubbed.whole;
-                limited = limited || rubbed.limited;
             }
         }
-        if (!contact_impulse<T, D>(l, normal, w, mass_along, mass_across, allowed, impulse)) return;
+        if (!contact_impulse<T, D>(contact.laws[law(f, i, j)], normal, w, mass_along, mass_across,
+                                   allowed, impulse))
+            return;
+        if (beside) {
+            const T part = part_that_acts(n, f, a, b, impulse, w, &seen);
+            for (int x = 0; x < D; ++x) impulse[x] *= part;
+        }
         for (int x = 0; x < D; ++x) {
             f.velocity[a][x] -= impulse[x] / f.together[a];
             f.velocity[b][x] += impulse[x] / f.together[b];
         }
         f.pushed[a] = f.pushed[b] = true;
         met(i, j, impulse, normal, w, whole_across);
-        if (!limited) return;
+        if (!beside) return;
         // At once, so that no other body is pushed by what a boundary does not let move.
         respond_of(n, f, a, seen);
         respond_of(n, f, b, seen);
@@ -381,103 +466,6 @@ struct NodeContact {
                 return value(around, there);
             },
             normal);
-    }
-};
-
-/// Over the nodes of the blocks with several fields. Leaves velocities, what transfers that store
-/// velocities keep, averages of what is stuck, and the maxima of what has changed.
-template <class X, class T, class Sum, int D>
-struct ContactPass {
-    NodeContact<T, Sum, D> of;
-    const GroupChannels* groups;
-    int group_count;
-    KeptChannels kept;
-    std::uint32_t* crowded;  // raised where more fields meet than are kept apart
-
-    /// Does more than one field have mass there? Of most nodes only one has: devices gather the
-    /// others, so that whole warps share the work.
-    MPM_INLINE bool wanted(std::int64_t i) const {
-        const std::int64_t block = i / block_cells;
-        const int n = int(i % block_cells);
-        int found = 0;
-        for (std::int32_t k = 0; k < of.contact.count[block] && found < 2; ++k)
-            found += of.node.mass(of.contact.first[block] + k, n) > T(0);
-        return found > 1;
-    }
-    /// Does its node lie where lines towards walls may be followed? See exec/cuda_kernels.cuh.
-    MPM_INLINE bool one_by_one(std::int64_t i) const {
-        return of.on_lines(of.contact.first[i / block_cells]);
-    }
-    MPM_INLINE void operator()(std::int64_t i, double (&maxima)[maxima_count]) const {
-        const auto& node = of.node;
-        if (node.clock->halt != Halt::none) return;
-        const std::int64_t block = i / block_cells;
-        const int n = int(i % block_cells);
-        typename NodeContact<T, Sum, D>::Fields f;
-        of.find(of.contact.first[block], of.contact.count[block], n, f);
-        if (f.too_many) X::raise(crowded);
-        if (f.count < 2 || f.too_many) return;
-        of.solve(n, f, NothingSeen{});
-        for (int k = 0; k < f.count; ++k) {
-            const int from = f.of[k];
-            T* out = node.grid.velocity + node.grid.velocity_place(f.slot[k], n);
-            for (int a = 0; a < D; ++a) {
-                out[a] = f.velocity[from][a];
-                UpdateGrid<T, Sum, D>::larger_of(maxima[max_speed],
-                                                 node.counts(out[a], f.together[from]));
-            }
-            if (kept.guard >= 0) out[kept.guard] = T(f.pushed[from] || f.held[from] ? 1 : 0);
-        }
-        if (f.several) average(n, f);
-    }
-    /// What the nodes of one field would hold, beside the velocity.
-    MPM_INLINE void average(int n, const typename NodeContact<T, Sum, D>::Fields& f) const {
-        const auto& node = of.node;
-        for (int i = 0; i < f.count; ++i) {
-            if (f.of[i] != i) continue;
-            const auto spread = [&](int channel, T value) {
-                for (int k = i; k < f.count; ++k)
-                    if (f.of[k] == i)
-                        node.grid.velocity[node.grid.velocity_place(f.slot[k], n) + channel] =
-                            value;
-            };
-            const auto sum = [&](int channel, int quantity) {
-                T all = 0;
-                for (int k = i; k < f.count; ++k)
-                    if (f.of[k] == i)
-                        all += from_sum<T>(node.sums(f.slot[k], n)[channel * block_cells],
-                                           node.clock->unit_read[quantity]);
-                return all;
-            };
-            for (int a = 0; a < D && kept.before >= 0; ++a)
-                spread(kept.before + a, sum(kept.plain + a, momentum_sum) / f.together[i]);
-            for (int g = 0; g < group_count; ++g) {
-                const GroupChannels& c = groups[g];
-                const T weight = sum(c.weight < 0 ? 0 : c.weight, mass_sum);
-                spread(c.average, weight > T(0) ? sum(c.sum, group_sum) / weight : T(0));
-            }
-        }
-    }
-};
-
-/// What one thread does after contact: as if the grid update had found its maxima, too.
-template <class Decided>
-struct AfterContact {
-    Decided decided;
-    const double* of_grid;
-    const std::uint32_t* crowded;  // raised: more fields meet at a node than are kept apart
-    Clock* clock;
-
-    MPM_HD void operator()(const double* maxima) const {
-        double all[maxima_count];
-        for (int m = 0; m < maxima_count; ++m)
-            all[m] = maxima[m] > of_grid[m] ? maxima[m] : of_grid[m];
-        if (*crowded != 0 && clock->halt == Halt::none) {
-            clock->halt = Halt::fault;
-            clock->fault = FaultKind::crowded;
-            clock->fault_value = most_fields_at_node;
-        }
-        decided(static_cast<const double*>(all));
     }
 };
 

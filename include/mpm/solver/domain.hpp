@@ -22,7 +22,7 @@
 #include "mpm/exec/sums.hpp"
 #include "mpm/kernels/arrange.hpp"
 #include "mpm/kernels/cell_sums.hpp"
-#include "mpm/kernels/contact.hpp"
+#include "mpm/kernels/contact_pass.hpp"
 #include "mpm/kernels/grid.hpp"
 #include "mpm/kernels/order.hpp"
 #include "mpm/kernels/phase_ops.hpp"

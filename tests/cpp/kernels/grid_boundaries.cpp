@@ -69,8 +69,8 @@ TEST(DomainWalls, slip_on_every_face_and_corner) {
 }
 
 /// A bed below, a wall at the upper end of x, both smooth, and of some bodies alone friction in the
-/// bed's place, one that sticks there or a box that stops all, in the order of `order`, by first
-/// letters; of a node of cell (x, 2, 0) that would go as `free`.
+/// bed's place, one that sticks there, a box that stops all or the wall once more (v), in the order
+/// of `order`, by first letters; of a node of cell (x, 2, 0) that would go as `free`.
 Vec<double, 3> beside_others(const std::vector<char>& order, std::int64_t x,
                              const Vec<double, 3>& free, double part,
                              std::map<char, Vec<double, 3>>* loads = nullptr) {
@@ -79,7 +79,7 @@ Vec<double, 3> beside_others(const std::vector<char>& order, std::int64_t x,
     std::vector<BoundaryRecord<3>> all;
     for (const char kind : order) {
         BoundaryRecord<3> r = walls<3>(cells, Response::separable);
-        for (int f = 0; f < 6; ++f) r.present[f] = f == (kind == 'w' ? 1 : 4);
+        for (int f = 0; f < 6; ++f) r.present[f] = f == (kind == 'w' || kind == 'v' ? 1 : 4);
         r.share = kind == 'w' || kind == 'b' ? 0 : 1;
         if (kind == 'f') r.law[4].static_friction = r.law[4].dynamic_friction = mu;
         if (kind == 's') r.law[4].response = Response::sticky;
@@ -120,6 +120,19 @@ TEST(ForSomeBodies, friction_is_of_all_that_presses_in_any_order) {
             EXPECT_NEAR(corner[0], 0, 1e-15);
         }
         EXPECT_NEAR(corner[2], 0, 1e-15);
+    }
+}
+
+TEST(ForSomeBodies, two_take_what_comes_across_them_once) {
+    // Friction brakes what the wall has to stop, before it or not at all; nothing is pushed off.
+    for (const std::vector<char>& order : {std::vector<char>{'b', 'f', 'v'},
+                                           {'b', 'v', 'f'},
+                                           {'f', 'v'},
+                                           {'v', 'f'},
+                                           {'w', 'f', 'v'}}) {
+        const Vec<double, 3> v = beside_others(order, 5, {{0.5, 0, -0.866}}, 1);
+        EXPECT_NEAR(v[0], 0, 1e-15);
+        EXPECT_NEAR(v[2], 0, 1e-15);
     }
 }
 
