@@ -67,11 +67,11 @@ concept Choosy = requires(const F& f, std::int64_t i) {
     { f.wanted(i) } -> std::same_as<bool>;
 };
 
-/// Some of what is wanted goes one by one: one lane of a warp has it while the others wait outside.
-/// Of long functions that lanes leave and enter apart some have waited for each other for ever
+/// Some of it goes one by one: one lane of a warp has it while the others wait outside. Of long
+/// functions that lanes leave and enter apart some have waited for each other for ever
 /// (design/gpu-step.md).
 template <class F>
-concept PartlyOneByOne = Choosy<F> && requires(const F& f, std::int64_t i) {
+concept PartlyOneByOne = requires(const F& f, std::int64_t i) {
     { f.one_by_one(i) } -> std::same_as<bool>;
 };
 
@@ -192,6 +192,30 @@ __device__ __forceinline__ void add_up(A (&local)[W]) {
     __syncthreads();
 }
 
+/// run(i) for the items of a set, by `threads` of which this is one; those that go one by one after
+/// the others, and of these neighbours belong to different warps. All lanes call this together.
+template <class F, class R>
+__device__ __forceinline__ void each_partly_alone(const SumSet& set, const F& f,
+                                                  std::int64_t thread, std::int64_t threads,
+                                                  const R& run) {
+    const std::int64_t end = set.first + set.count;
+    const int lane = int(thread % 32);
+    for (const bool alone : {false, true}) {
+        for (std::int64_t k = 0; k * threads < set.count; ++k) {
+            const std::int64_t i =
+                set.first +
+                (alone ? (32 * k + lane) * (threads / 32) + thread / 32 : k * threads + thread);
+            unsigned left = __ballot_sync(~0u, i < end && f.one_by_one(i) == alone);
+            while (left != 0) {
+                const unsigned now = alone ? left & -left : left;
+                if (now >> lane & 1) run(i);
+                __syncwarp();
+                left &= ~now;
+            }
+        }
+    }
+}
+
 /// A block a place; the last of them adds the places of each set, a warp a set. Which block that
 /// is changes nothing. Blocks behind the places take what runs beside, a warp each, with
 /// all its lanes.
@@ -219,9 +243,12 @@ __global__ void __launch_bounds__(max_threads, sizeof(A) > 64 ? 2 : 1)
         if constexpr (requires { f.idle(s); }) idle = f.idle(s);
         if (!idle) {
             A local[W] = {};
-            for (std::int64_t i = std::int64_t(place - set.place) * max_threads + threadIdx.x;
-                 i < set.count; i += stride) {
-                f(set.first + i, s, local);
+            const std::int64_t thread = std::int64_t(place - set.place) * max_threads + threadIdx.x;
+            if constexpr (PartlyOneByOne<F>) {
+                each_partly_alone(set, f, thread, stride, [&](std::int64_t i) { f(i, s, local); });
+            } else {
+                for (std::int64_t i = thread; i < set.count; i += stride)
+                    f(set.first + i, s, local);
             }
             add_up<W>(local);
             for (int w = 0; w < W && threadIdx.x == 0; ++w)

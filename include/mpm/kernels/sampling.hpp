@@ -48,6 +48,8 @@ struct MeasureLoads {
     WallSeats<T> seats = {};
     ContactView of_contact = {};
 
+    using Contact = NodeContact<T, Sum, D>;
+
     MPM_INLINE void operator()(std::int64_t i, int number, Int128* sum) const {
         if (node.clock->halt != Halt::none) return;
         const std::int32_t slot = slots[i / block_cells];
@@ -55,41 +57,69 @@ struct MeasureLoads {
         const T m = node.mass(slot, n);
         if (!(m > T(0))) return;
         const LoadCellRecord<D>& cell = cells[number];
-        std::int64_t at[D];
-        node.cell(slot, n, at);
-        const auto seen = [&](int boundary, int face, const Vec<T, D>& before,
+        // Of one node in doubles, one after the other as boundaries respond: the same on any number
+        // of threads and ranks. To add exact numbers at each response would double this pass.
+        double f[D] = {};
+        const auto seen = [&](T mass, int boundary, int face, const Vec<T, D>& before,
                               const Vec<T, D>& after) {
             if (cell.boundary != boundary || !(cell.faces >> face & 1)) return;
-            double f[D], r[D];
-            for (int a = 0; a < D; ++a) {
-                f[a] = double(m) * (double(before[a]) - double(after[a]));
-                r[a] = (double(at[a]) + 0.5) * cell_size - cell.reference[a];
-                sum[a] += exact(f[a], scales.impulse);
-            }
-            if constexpr (D == 2) {
-                sum[2] += exact(r[0] * f[1] - r[1] * f[0], scales.moment);
-            } else {
-                sum[3] += exact(r[1] * f[2] - r[2] * f[1], scales.moment);
-                sum[4] += exact(r[2] * f[0] - r[0] * f[2], scales.moment);
-                sum[5] += exact(r[0] * f[1] - r[1] * f[0], scales.moment);
-            }
+            for (int a = 0; a < D; ++a)
+                f[a] += double(mass) * (double(before[a]) - double(after[a]));
         };
         if constexpr (contact) {
             std::int32_t first, count;
             find_siblings<D>(node.grid.table, slot, of_contact.fields, first, count);
-            const NodeContact<T, Sum, D> all{node, of_contact, known};
-            typename NodeContact<T, Sum, D>::Fields f;
-            if (count > 1) all.find(first, count, n, f);
-            if (f.count > 1 && !f.too_many) {
-                all.solve(n, f,
+            const Contact all{node, of_contact, known};
+            typename Contact::Fields fields;
+            if (count > 1) all.find(first, count, n, fields);
+            if (fields.count > 1 && !fields.too_many) {
+                if (fields.slot[0] != slot) return;  // that one has them all
+                all.solve(n, fields,
                           [&](int k, int boundary, int face, const Vec<T, D>& before,
                               const Vec<T, D>& after) {
-                              if (f.slot[k] == slot) seen(boundary, face, before, after);
+                              seen(fields.mass[k], boundary, face, before, after);
                           });
-                return;
+                return add(slot, n, cell, f, sum);
             }
         }
-        node.tell(slot, n, m, node.momentum(slot, n), known, seats, seen);
+        node.tell(slot, n, m, node.momentum(slot, n), known, seats,
+                  [&](int boundary, int face, const Vec<T, D>& before, const Vec<T, D>& after) {
+                      seen(m, boundary, face, before, after);
+                  });
+        add(slot, n, cell, f, sum);
+    }
+    MPM_INLINE void add(std::int32_t slot, int n, const LoadCellRecord<D>& cell,
+                        const double (&f)[D], Int128* sum) const {
+        std::int64_t at[D];
+        node.cell(slot, n, at);
+        double r[D];
+        for (int a = 0; a < D; ++a) {
+            r[a] = (double(at[a]) + 0.5) * cell_size - cell.reference[a];
+            sum[a] += exact(f[a], scales.impulse);
+        }
+        if constexpr (D == 2) {
+            sum[2] += exact(r[0] * f[1] - r[1] * f[0], scales.moment);
+        } else {
+            sum[3] += exact(r[1] * f[2] - r[2] * f[1], scales.moment);
+            sum[4] += exact(r[2] * f[0] - r[0] * f[2], scales.moment);
+            sum[5] += exact(r[0] * f[1] - r[1] * f[0], scales.moment);
+        }
+    }
+    /// Is its contact beside lines worked out here? See exec/cuda_kernels.cuh.
+    MPM_INLINE bool one_by_one(std::int64_t i) const requires contact {
+        const std::int32_t slot = slots[i / block_cells];
+        const int n = int(i % block_cells);
+        const Contact all{node, of_contact, known};
+        if (!all.on_lines(slot) || !(node.mass(slot, n) > T(0))) return false;
+        std::int32_t first, count;
+        find_siblings<D>(node.grid.table, slot, of_contact.fields, first, count);
+        int others = 0;
+        for (std::int32_t k = first; k < first + count; ++k) {
+            if (k == slot || !(node.mass(k, n) > T(0))) continue;
+            if (k < slot) return false;
+            ++others;
+        }
+        return others > 0;
     }
 };
 
@@ -154,6 +184,10 @@ struct MeasureContacts {
     const std::int32_t* sides;
     ImpulseScales scales;
 
+    /// As `ContactPass` has it.
+    MPM_INLINE bool one_by_one(std::int64_t i) const {
+        return of.on_lines(of.contact.first[blocks[i / block_cells]]);
+    }
     MPM_INLINE void operator()(std::int64_t i, int number, Int128* sum) const {
         const auto& node = of.node;
         if (node.clock->halt != Halt::none) return;

@@ -3,6 +3,5 @@
 namespace mpm {
 
 MPM_CONTACT_PASSES_IN(, float, 2)
-MPM_CONTACT_PASSES_IN(, double, 2)
 
 }  // namespace mpm

@@ -1,0 +1,7 @@
+#include "grid_passes.cuh"
+
+namespace mpm {
+
+MPM_CONTACT_PASSES_IN(, double, 2)
+
+}  // namespace mpm
