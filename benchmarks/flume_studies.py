@@ -1,8 +1,8 @@
 """Four studies of debris in laboratory flumes, each with one table and one figure.
 
     python benchmarks/flume_studies.py {ordered,scales,random,rest} -o FOLDER [--level laptop|full]
-                                       [--set NAME=VALUE ...] [--cases N] [--budget SECONDS]
-                                       [--device cpu|cuda:0,cuda:1] [--workers N]
+                                       [--set NAME=VALUE ...] [--where NAME=VALUE ...] [--cases N]
+                                       [--budget SECONDS] [--device cpu|cuda:0,cuda:1] [--workers N]
 
 ordered  16 ordered fields of the Large Wave Flume from one water run: first peaks against measured
          boxes, line of parity
@@ -11,6 +11,7 @@ random   34 random fields of the flume's bars from the same water: first peaks a
 rest     Waseda basin, 3 and 6 pieces, without columns and behind one or two rows: rest and spread
 
 `--set` changes any argument of the facility: cell_size=0.05, contact=0.3, packing="density".
+`--where` takes the rows that have one of the values given of a name: columns=1.
 A study that was stopped continues from its folder. The table is FOLDER/NAME.csv, the figure
 FOLDER/NAME.png; a line with the seconds of a case goes to benchmarks/results/flume_studies.jsonl.
 Level "laptop" is cells in which debris is one to three cells thick, minutes to an hour on two
@@ -268,6 +269,11 @@ def parity(pairs: Sequence[tuple[float, float]], axes: Any) -> dict[str, Any]:
     return found
 
 
+def chosen(rows: Sequence[Row], where: Sequence[tuple[str, Any]]) -> list[Row]:
+    """Return the rows that have, of each name in `where`, one of its values."""
+    return [r for r in rows if all(r[n] in [v for m, v in where if m == n] for n, _ in where)]
+
+
 def main() -> int:
     """Do what the command line says."""
     form = argparse.RawDescriptionHelpFormatter
@@ -278,6 +284,7 @@ def main() -> int:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")
+    parser.add_argument("--where", action="append", default=[], type=setting, metavar="NAME=VALUE")
     parser.add_argument("--cases", type=int, help="the first so many rows; default: all")
     parser.add_argument("--budget", type=int, default=0, help="s; stops and reports what is there")
     parser.add_argument("--until", type=float, help="s; shorter than a study needs: a trial")
@@ -287,7 +294,7 @@ def main() -> int:
     devices, changes = given.device.split(","), dict(given.set)
     plan = STUDIES[given.name](given.level, given.output, devices[0], changes)
     study = libmpm.Study(
-        given.output / given.name, plan.scene, plan.rows()[: given.cases],
+        given.output / given.name, plan.scene, chosen(plan.rows(), given.where)[: given.cases],
         until=plan.until if given.until is None else given.until, response=plan.response,
         checkpoint_interval=4.0, name=given.name,
     )  # fmt: skip
