@@ -2,6 +2,8 @@
 // handed to them, and their maxima and sums.
 #pragma once
 
+#include <initializer_list>
+
 #include <cuda_runtime.h>
 
 #include <concepts>

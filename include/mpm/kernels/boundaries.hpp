@@ -200,8 +200,12 @@ MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t 
     }
     if constexpr (special) {
         if (!all.restricted) return;
-        bool lined = false;
-        for (int a = 0; a < D; ++a) lined = lined || bound.on[a];
+        bool on_lines = false, by_walls = false;
+        for (int a = 0; a < D; ++a) {
+            on_lines = on_lines || bound.on[a];
+            by_walls = by_walls || v[a] != free[a];
+        }
+        const bool lined = on_lines && by_walls;
         for (int b = 0; b < all.count; ++b) {
             const BoundaryRecord<D>& r = all.records[b];
             if (!r.active || r.share == 0) continue;

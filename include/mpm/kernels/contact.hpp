@@ -4,10 +4,13 @@
 // Fields that no law keeps apart are stuck: they move as one, as a run with one field would have
 // it. Those with a law push each other by physics/contact.hpp, pair by pair in the order of their
 // fields, twice where there are several pairs. Boundaries act before, so that a body on a floor
-// carries the one on it, and once more on what contact has changed.
+// carries the one on it, and after each push.
 //
-// All follows from sums that nobody changes, so that sensors may work it out again.
+// All follows from sums that nobody changes, so that sensors may work it out again; what the grid
+// update has left has the same bits.
 #pragma once
+
+#include <limits>
 
 #include "mpm/kernels/grid.hpp"
 #include "mpm/physics/contact.hpp"
@@ -46,9 +49,10 @@ MPM_INLINE void find_siblings(const BlockTableView<D>& table, std::int32_t slot,
 /// One node with all its fields.
 template <class T, class Sum, int D>
 struct NodeContact {
-    /// Beside boundaries, of the velocities: slower approaches are none. What a boundary leaves of
-    /// a push is a difference of velocities, off by a few roundings of them. Where that was all
-    /// there was, boundaries seemed to hold what they do not, and light bodies were thrown.
+    /// Part of the velocities: an approach beside boundaries that is slower is none. What a
+    /// boundary leaves of a push is a difference of velocities, off by a few roundings of them.
+    /// Where that was all there was, boundaries seemed to hold what they do not, and light bodies
+    /// were thrown.
     static constexpr T least_approach = 64 * std::numeric_limits<T>::epsilon();
 
     NodeUpdate<T, Sum, D> node;
@@ -73,6 +77,13 @@ struct NodeContact {
         bool several = false;                  // are any stuck
     };
 
+    /// Do several fields have mass there?
+    MPM_INLINE bool meet_at(std::int32_t first, std::int32_t count, int n) const {
+        int found = 0;
+        for (std::int32_t k = 0; k < count && found < 2; ++k)
+            found += node.mass(first + k, n) > T(0);
+        return found > 1;
+    }
     MPM_CALL void find(std::int32_t first, std::int32_t count, int n, Fields& f) const {
         const Reconverge at_return;
         for (std::int32_t k = 0; k < count; ++k) {
@@ -199,9 +210,10 @@ struct NodeContact {
                 node.known_of(known, at, f.slot[k], n), at,
                 Told<Seen>{&f.held[i], &seen, &f, k, k + 1, i});
             m += f.mass[k];
-            for (int a = 0; a < D; ++a) p[a] += f.mass[k] * v[a];
+            for (int a = 0; a < D; ++a) p[a] += f.several ? f.mass[k] * v[a] : v[a];
         }
-        for (int a = 0; a < D; ++a) p[a] /= m;
+        // By itself it has the bits of the grid update.
+        for (int a = 0; a < D && f.several; ++a) p[a] /= m;
         f.velocity[i] = f.lined[i] = p;
         f.together[i] = m;
     }
@@ -296,27 +308,32 @@ struct NodeContact {
         return out;
     }
 
-    /// The part of an impulse beside boundaries that changes w, the relative velocity, by no more
-    /// than its size. What they leave of it was asked of the push and of friction apart, and a
-    /// boundary that lets go, or rubs, answers both together otherwise.
+    /// The part of an impulse beside boundaries by which no body gains more speed than |w|, the
+    /// size of the relative velocity. What boundaries leave of it was asked of the push and of
+    /// friction apart, and one that lets go, or rubs, answers both together otherwise. What their
+    /// friction takes of a body's speed is no matter.
     template <class Seen>
     MPM_INLINE T part_that_acts(int n, const Fields& f, int a, int b, const Vec<T, D>& impulse,
                                 const Vec<T, D>& w, const Seen* told) const {
-        T push = 0, size = 0, change = 0;
         const T inverse = T(1) / f.together[a] + T(1) / f.together[b];
-        for (int x = 0; x < D; ++x) {
-            push += impulse[x] * inverse * impulse[x] * inverse;
-            size += w[x] * w[x];
-        }
-        const T most = size * (T(1) + least_approach);  // that, rounded
-        if (!(push > most)) return T(1);                // boundaries add nothing to it
-        const Vec<T, D> of_a = changed_by(n, f, a, impulse, T(-1), told),
-                        of_b = changed_by(n, f, b, impulse, T(1), told);
-        for (int x = 0; x < D; ++x) {
-            const T by = of_a[x] - of_b[x] - w[x];
-            change += by * by;
-        }
-        return change <= most ? T(1) : square_root(size / change);
+        const T most = length(w) * (T(1) + least_approach);    // rounded
+        if (!(length(impulse) * inverse > most)) return T(1);  // boundaries add nothing to it
+        const T of_a = gained(f.velocity[a], changed_by(n, f, a, impulse, T(-1), told)),
+                of_b = gained(f.velocity[b], changed_by(n, f, b, impulse, T(1), told));
+        const T more = of_a > of_b ? of_a : of_b;
+        return more <= most ? T(1) : most / more;
+    }
+    /// Speed, or speed backwards: friction of a wall takes speed, and turns nobody round.
+    MPM_INLINE static T gained(const Vec<T, D>& before, const Vec<T, D>& after) {
+        const T size = length(before), more = length(after) - size;
+        T back = 0;
+        for (int x = 0; x < D; ++x) back -= after[x] * before[x];
+        return size > T(0) && back > more * size ? back / size : more;
+    }
+    MPM_INLINE static T length(const Vec<T, D>& v) {
+        T square = 0;
+        for (int x = 0; x < D; ++x) square += v[x] * v[x];
+        return square_root(square);
     }
     /// The velocity of a field after so much of an impulse, by boundaries.
     template <class Seen>

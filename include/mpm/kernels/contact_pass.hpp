@@ -22,10 +22,7 @@ struct ContactPass {
     MPM_INLINE bool wanted(std::int64_t i) const {
         const std::int64_t block = i / block_cells;
         const int n = int(i % block_cells);
-        int found = 0;
-        for (std::int32_t k = 0; k < of.contact.count[block] && found < 2; ++k)
-            found += of.node.mass(of.contact.first[block] + k, n) > T(0);
-        if (found < 2) return false;
+        if (!of.meet_at(of.contact.first[block], of.contact.count[block], n)) return false;
         Fields f;
         of.find(of.contact.first[block], of.contact.count[block], n, f);
         if (f.too_many || f.several) return true;

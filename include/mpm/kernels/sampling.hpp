@@ -58,7 +58,8 @@ struct MeasureLoads {
         if (!(m > T(0))) return;
         const LoadCellRecord<D>& cell = cells[number];
         // Of one node in doubles, one after the other as boundaries respond: the same on any number
-        // of threads and ranks. To add exact numbers at each response would double this pass.
+        // of threads and ranks. Exact sums at each response are a fifth of what this pass takes to
+        // compile.
         double f[D] = {};
         const auto seen = [&](T mass, int boundary, int face, const Vec<T, D>& before,
                               const Vec<T, D>& after) {
@@ -184,9 +185,11 @@ struct MeasureContacts {
     const std::int32_t* sides;
     ImpulseScales scales;
 
-    /// As `ContactPass` has it.
+    /// Does it have contact beside lines? See exec/cuda_kernels.cuh.
     MPM_INLINE bool one_by_one(std::int64_t i) const {
-        return of.on_lines(of.contact.first[blocks[i / block_cells]]);
+        const std::int32_t block = blocks[i / block_cells], first = of.contact.first[block];
+        return of.on_lines(first) &&
+               of.meet_at(first, of.contact.count[block], int(i % block_cells));
     }
     MPM_INLINE void operator()(std::int64_t i, int number, Int128* sum) const {
         const auto& node = of.node;
