@@ -46,18 +46,20 @@ def states(spec, steps, device):
     ]  # fmt: skip
 
 
-def both(dimension, name, scheme, device, precision, *, fbar=None, fused="fused", steps=60):
-    """Return states in one pass, or in two, and in phases: water, block; places, velocities."""
+def run(dimension, name, scheme, device, precision, pipeline, *, fbar=None, steps=60):
+    """Return states after so many steps: water, block; places, velocities."""
     transfer = SCHEMES.get(scheme, "APIC")
     scene = scenes.crowded(
         dimension, moving=True, solid=law(name), solid_fbar=fbar,
         method=libmpm.Method(cfl=0.3, transfer=transfer),
     )  # fmt: skip
-    found = []
-    for pipeline in (fused, "phased"):
-        spec = scenes.specification(scene, precision=precision, pipeline=pipeline)
-        found.append(states(spec, steps, device))
-    return found
+    spec = scenes.specification(scene, precision=precision, pipeline=pipeline)
+    return states(spec, steps, device)
+
+
+def both(*case, fused="fused", **more):
+    """Return states in one pass, or in two, and in phases."""
+    return [run(*case, pipeline, **more) for pipeline in (fused, "phased")]
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -70,13 +72,16 @@ def test_stored_velocities_in_one_pass(dimension, name, scheme):
         assert np.abs(a - b).max() < 1e-9 * np.abs(b).max()
 
 
-def close(fused, phased, share=0.97):
-    """Equal to single precision, of that share of particles: on a device one pass adds integers.
+def close(fused, phased):
+    """Equal to single precision: on a device one pass adds integers.
 
-    But for three particles of a block of 110: some fly off alone, where nodes hardly weigh.
+    But for three particles of a block of 110: some fly off alone, where nodes hardly weigh, and
+    ASFLIP shifts a particle or not by a comparison that rounding can turn (measured, a device's
+    passes against double on a CPU: two particles of a block by 1.5e-5 to 2.1e-5 m after 30 or 40
+    steps, all others by 2e-7).
     """
     for k in (0, 2):
-        far, fast = (np.quantile(np.abs(fused[i] - phased[i]), share) for i in (k, k + 1))
+        far, fast = (np.quantile(np.abs(fused[i] - phased[i]), 0.97) for i in (k, k + 1))
         assert far < 5e-5 * 0.1
         assert fast < 4e-3 * np.abs(phased[k + 1]).max()
 
@@ -85,14 +90,14 @@ def close(fused, phased, share=0.97):
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_in_single_precision(dimension, name, scheme, device):
-    """ASFLIP shifts a particle or not by comparisons that rounding can turn.
+    """Held to double precision, since in single the phased step itself may be off.
 
-    One is whether a wall has changed the velocity of any of its nodes, which holds for all
-    particles that the node reaches. Measured on an H200, 40 steps: of a block of 100 the same ten
-    differ by 1e-6 to 2.8e-5 m between the passes, and between either and double precision where
-    that stands on the other side; all others differ by less than 5e-7 m.
+    On an H200 ten of 100 particles of two blocks were, by 1e-6 to 2.8e-5 m, where one pass had all
+    of them within 2e-7 m of double, or all but one.
     """
-    close(*both(dimension, name, scheme, device, "single", steps=40), share=0.85)
+    case = (dimension, name, scheme)
+    fused = run(*case, device, "single", "fused", steps=40)
+    close(fused, run(*case, "cpu", "double", "phased", steps=40))
 
 
 @pytest.mark.gpu
