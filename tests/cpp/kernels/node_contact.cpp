@@ -342,6 +342,19 @@ TEST(NodeContact, rounding_of_what_a_bed_leaves_throws_nobody) {
     nearly_across<double>();
 }
 
+/// Of an approach that is a few roundings of the velocities no boundary can say what it leaves.
+TEST(NodeContact, an_approach_that_is_rounding_is_none_beside_a_bed) {
+    for (const int roundings : {4, 128}) {
+        Node<2> node(2);
+        const double w = roundings * double(std::numeric_limits<float>::epsilon());
+        node.put_two(1e-9, {{1, 0}}, 1, {{1 - w, 0}}, {{1, 0}});
+        node.wall(1, Response::slip);
+        const auto moved = [](const auto& out) { return out.after[0][0] != out.before[0][0]; };
+        EXPECT_EQ(moved(node.solve<float>()), roundings > 64);
+        EXPECT_TRUE(moved(node.solve()));
+    }
+}
+
 /// Bodies of any mass on a bed, of all or of some, in a corner with a column or not. `rubs`: the
 /// bed of some has friction, beside a smooth one for all or by itself.
 template <int D>
