@@ -2,13 +2,12 @@
 // handed to them, and their maxima and sums.
 #pragma once
 
-#include <initializer_list>
-
 #include <cuda_runtime.h>
 
 #include <concepts>
 #include <cstdint>
 #include <cstring>
+#include <initializer_list>
 
 #include "mpm/core/config.hpp"
 #include "mpm/exec/sums.hpp"

@@ -133,18 +133,17 @@ struct WholeShare {
 };
 
 /// What a boundary for some bodies alone, `part` of the node's mass, makes of a node's velocity
-/// where other walls have changed that by `taken`: it responds to what the node would do by itself,
-/// `free`. Of what it takes across itself, that which others have taken is not taken again, nothing
-/// where lines hold the node (`lined`); along itself it rubs with all that presses there, against
-/// what others have left the node of its velocity along it, and stops it at most. So friction
-/// beside a wall in the same place is that of what presses on both. One that sticks or prescribes
-/// has the node's velocity `v` as it is, without a part for others. `seen` hears of it once, with
-/// the last of its faces.
+/// `v` where other walls have changed it from what the node would do by itself, `free`: it responds
+/// to that. Of what it takes across itself, that which others have taken is not taken again,
+/// nothing where lines hold the node (`lined`); along itself it rubs with all that presses there,
+/// against what others have left the node of its velocity along it, and stops it at most. So
+/// friction beside a wall in the same place is that of what presses on both. One that sticks or
+/// prescribes has the node's velocity `v` as it is, without a part for others. `seen` hears of it
+/// once, with the last of its faces.
 template <class T, int D, class Seen>
 MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
                                     const std::int64_t (&cell)[D], T part, const Vec<T, D>& free,
-                                    const Vec<T, D>& taken, bool lined, Vec<T, D>& v,
-                                    const Seen& seen) {
+                                    bool lined, Vec<T, D>& v, const Seen& seen) {
     const Reconverge at_return;
     int face = -1;
     const auto hears = [&](int, int at, const Vec<T, D>&, const Vec<T, D>&) { face = at; };
@@ -159,19 +158,18 @@ MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
         for (int a = 0; a < D; ++a) v[a] = before[a] + part * (v[a] - before[a]);
         return seen(b, face, before, v);
     }
-    T size = 0, done = 0, inward = 0;
+    T size = 0, done = 0;  // by others, along what it takes
     for (int a = 0; a < D; ++a) {
         const T across = smooth[a] - free[a];
         size += across * across;
-        done += across * taken[a];
-        inward += across * (free[a] - v[a]);
+        done += across * (v[a] - free[a]);
     }
     if (!(size > T(0))) return seen(b, face, before, v);  // nothing presses
     T left = lined ? T(0) : T(1) - done / size;
     left = left > T(0) ? (left < T(1) ? left : T(1)) : T(0);
     // Pressed as the node would press by itself, and sliding as others leave it.
     Vec<T, D> slides, rough;
-    for (int a = 0; a < D; ++a) slides[a] = rough[a] = v[a] + inward / size * (smooth[a] - free[a]);
+    for (int a = 0; a < D; ++a) slides[a] = rough[a] = v[a] - done / size * (smooth[a] - free[a]);
     apply_boundary<true>(all, b, cell, BoundAxes<D>{}, slides, hears, false);
     apply_boundary<true>(all, b, cell, BoundAxes<D>{}, rough, hears, true);
     for (int a = 0; a < D; ++a)
@@ -200,25 +198,21 @@ MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t 
     }
     if constexpr (special) {
         if (!all.restricted) return;
-        bool on_lines = false, by_walls = false;
-        for (int a = 0; a < D; ++a) {
-            on_lines = on_lines || bound.on[a];
-            by_walls = by_walls || v[a] != free[a];
-        }
-        const bool lined = on_lines && by_walls;
+        const auto changed = [&] {
+            bool any = false;
+            for (int a = 0; a < D; ++a) any = any || v[a] != free[a];
+            return any;
+        };
+        bool lined = false;
+        for (int a = 0; a < D; ++a) lined = lined || bound.on[a];
+        lined = lined && changed();
         for (int b = 0; b < all.count; ++b) {
             const BoundaryRecord<D>& r = all.records[b];
             if (!r.active || r.share == 0) continue;
             const T part = T(share(r.share));
             if (!(part > T(0))) continue;
-            Vec<T, D> taken;
-            bool others = false;
-            for (int a = 0; a < D; ++a) {
-                taken[a] = v[a] - free[a];
-                others = others || taken[a] != T(0);
-            }
-            if (others) {
-                respond_beside_others<T, D>(all, b, cell, part, free, taken, lined, v, seen);
+            if (changed()) {
+                respond_beside_others<T, D>(all, b, cell, part, free, lined, v, seen);
                 continue;
             }
             const auto of_part = [&](const Vec<T, D>& from, const Vec<T, D>& to) {

@@ -407,13 +407,9 @@ struct NodeContact {
         T mass_along = mass, mass_across = mass, whole_across = mass;
         const bool beside = beside_boundaries(f, a, b);
         if (beside) {
-            T across = 0;
             Vec<T, D> slide, left;
-            for (int x = 0; x < D; ++x) {
-                slide[x] = w[x] - (speed + allowed) * normal[x];
-                across += slide[x] * slide[x];
-            }
-            across = square_root(across);
+            for (int x = 0; x < D; ++x) slide[x] = w[x] - (speed + allowed) * normal[x];
+            const T across = length(slide);
             const Meeting pushed =
                 meeting_beside_boundaries(n, f, a, b, normal, speed, mass, &seen, w, allowed);
             mass_along = pushed.mass;

@@ -114,13 +114,9 @@ struct MeasureLoads {
         if (!all.on_lines(slot) || !(node.mass(slot, n) > T(0))) return false;
         std::int32_t first, count;
         find_siblings<D>(node.grid.table, slot, of_contact.fields, first, count);
-        int others = 0;
-        for (std::int32_t k = first; k < first + count; ++k) {
-            if (k == slot || !(node.mass(k, n) > T(0))) continue;
-            if (k < slot) return false;
-            ++others;
-        }
-        return others > 0;
+        for (std::int32_t k = first; k < slot; ++k)
+            if (node.mass(k, n) > T(0)) return false;
+        return all.meet_at(slot, first + count - slot, n);
     }
 };
 
