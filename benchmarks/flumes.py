@@ -12,8 +12,8 @@ of the scene, shifting=true|false or density=true|false of the water. Goes to
 benchmarks/results/flumes.jsonl. A run that its budget or `--until`, a time of the laboratory, ends
 is compared in what it reached; where a row of a load asks for more, the line has the largest mean
 of 0.1 s and the impulse so far. `--figures` keeps all readings there too.
-`--near`: the near field of the Large Wave Flume, from a strip's run in that folder, which is run
-first where it is not there, from `--begin` on, a time of the laboratory, and from x `--lower` on;
+`--near`: the near field, of lwf and dwb, from a strip's run in that folder, which is run first
+where it is not there, from `--begin` on, a time of the laboratory, and from x `--lower` on;
 `--trunk` runs that alone. `--device cuda:0,cuda:1`: on several; a strip on the first.
 """
 
@@ -141,7 +141,8 @@ def main() -> int:
         if given.near is None:
             scene = flume.scene()
         else:
-            assert isinstance(flume, flumes.LargeWaveFlume)
+            if not isinstance(flume, flumes.FacilityOfStrips):
+                parser.error(f"--near with {given.name}, which has no strip; expected lwf or dwb")
             options = {"begin": given.begin, "lower": given.lower}
             options = {k: v for k, v in options.items() if v is not None}
             scene = flume.near_field(given.near, until=given.until, device=devices[0], **options)

@@ -12,10 +12,11 @@ width, with instruments under their laboratory names:
 >>> sim.run(until=flume.until)  # doctest: +SKIP
 >>> print(flume.compare(sim))  # doctest: +SKIP
 
-Each has `cases`, the set-ups that were measured (`of_case`); `collect` gives all rows of all of
-them in one table with the numbers of the runs in folders. `friction` and `FRICTION` are documented
-values of debris on beds, `add_bed_friction` puts them on solids alone, `bevelled` cuts the edges of
-a box.
+Each has `cases`, the set-ups that were measured (`of_case`); the first two have a `near_field` of
+structure and debris, cut out of the run of a strip (`FacilityOfStrips`). `collect` gives all rows
+of all of them in one table with the numbers of the runs in folders. `friction` and `FRICTION` are
+documented values of debris on beds, `add_bed_friction` puts them on solids alone, `bevelled` cuts
+the edges of a box.
 
 `records` has the measured curves: `records.names()`, `records.load("lwf-waves")`. `named` returns a
 facility by its name on the command line, `libmpm flume lwf --level laptop -o out`.
@@ -35,6 +36,7 @@ from libmpm._src.flumes.debris_flow_flume import DebrisFlowFlume
 from libmpm._src.flumes.directional_wave_basin import DirectionalWaveBasin
 from libmpm._src.flumes.facility import Deviation, Facility, Instrument
 from libmpm._src.flumes.large_wave_flume import LargeWaveFlume
+from libmpm._src.flumes.near_field import FacilityOfStrips
 from libmpm._src.flumes.structures import FRICTION, add_bed_friction, bevelled, friction
 from libmpm._src.flumes.virtual_paddle import piston_of_flow, stroke_of_gauge
 from libmpm._src.flumes.waseda_basin import WasedaBasin
@@ -50,6 +52,7 @@ __all__ = [
     "Deviation",
     "DirectionalWaveBasin",
     "Facility",
+    "FacilityOfStrips",
     "Instrument",
     "LargeWaveFlume",
     "Row",

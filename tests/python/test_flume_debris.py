@@ -147,6 +147,57 @@ def test_box_and_bars_stand_in_the_cut_run_of_a_strip(tmp_path, monkeypatch):
         replace(flume, cell_size=0.25).near_field(tmp_path, **given)
 
 
+def test_blocks_stand_in_the_cut_run_of_a_channels_strip(tmp_path):
+    flume = flumes.DirectionalWaveBasin(
+        width="half", cell_size=0.15, channel=2.0, debris="hdpe", friction=0.3
+    )
+    given = {"begin": 11.5, "lower": 22.0, "until": 11.8, "device": "cpu"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", libmpm.ModelWarning)
+        made, whole = flume.near_field(tmp_path, **given), flume.scene()
+        sim = libmpm.Simulation(made, device="cpu", threads=1)
+        sim.step(3)
+        water = libmpm.Simulation(whole, device="cpu", threads=1).particles["water"]
+        # Other layouts have the same water.
+        bare = replace(flume, debris=None, structure="boxes").near_field(tmp_path, **given)
+    cut = made.lower[0]
+    assert cut == pytest.approx(22.05) and made.upper == pytest.approx(whole.upper)
+    # At rest, and the water of half of the channel from the cut on.
+    beyond = np.count_nonzero(np.asarray(water["position"])[:, 0] >= cut)
+    assert len(sim.particles["water"]) == pytest.approx(beyond, rel=0.003)
+    known = {b.name: b for b in whole.boundaries}
+    own = {b.name: b for b in made.boundaries}
+    assert set(own) == {"bed", "walls", "near-piston", "platform-friction"}
+    assert own["bed"].response == known["bed"].response == boundaries.Separable(cell="held")
+    assert made.transfer == whole.transfer and made.transfer.scheme == "APIC"
+    # Blocks and their friction are those of the channel, and instruments those beyond the cut.
+    names = [b.name for b in whole.bodies]
+    assert [b.name for b in made.bodies] == names and len(names) == 1 + 12
+    for one, other in zip(made.bodies[1:], whole.bodies[1:], strict=True):
+        assert one.shape == other.shape and one.material == other.material
+    rubs = own["platform-friction"]
+    assert rubs.bodies == known["platform-friction"].bodies == tuple(names[1:])
+    assert rubs.response.dynamic_friction == 0.3
+    x = {i.name: i.x for i in flume.instruments()}
+    there = [s.name for s in whole.sensors if x.get(s.name, cut) >= cut]
+    stations = [s.name for s in made.sensors if s.name.startswith(("flow-", "mass-"))]
+    assert [s.name for s in made.sensors] == stations + there
+    assert {"USWG5", "front-1", "platform", "USWG-h5", "debris-12"} <= set(there)
+    # What it has of the strip it keeps, also past obstacles.
+    assert bare.start == made.start and bare.transfer == made.transfer
+    assert bare.boundaries[0].response == own["bed"].response
+    assert {"box-2"} == {b.name for b in bare.boundaries} - set(own)
+    strip = flume.trunk().scene()
+    assert strip.upper[1] == pytest.approx(0.15) and [b.name for b in strip.bodies] == ["water"]
+    assert {s.name.split("-")[0] for s in strip.sensors} == {"flow", "mass"}
+    with pytest.raises(libmpm.SceneError, match=r"lower is 17 m; expected .* 18 to 28 m"):
+        flume.near_field(tmp_path, **(given | {"lower": 17.0}))
+    with pytest.raises(libmpm.SceneError, match=r"begin is 11\.2 s .* between 11\.3 and 11\.8 s"):
+        flume.near_field(tmp_path, **(given | {"begin": 11.2}))
+    with pytest.raises(libmpm.SceneError, match="width is 'full'; expected 'half'"):
+        replace(flume, width="full").near_field(tmp_path, **given)
+
+
 @pytest.mark.parametrize("contact", [True, False])
 @pytest.mark.parametrize("surface", [True, False])
 @pytest.mark.parametrize(

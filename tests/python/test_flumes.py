@@ -193,7 +193,9 @@ def test_a_layout_of_bars_lies_before_the_box():
         ("lwf", {"cell_size": 0}, "cell_size is 0; expected > 0"),
         ("dwb", {"width": "full", "friction": "damp"}, "friction is 'damp'"),
         ("dwb", {"width": "full", "friction": -0.1}, "friction is -0.1; expected"),
-        ("dwb", {"width": "strip"}, "width is 'strip'"),
+        ("waseda", {"width": "strip"}, "width is 'strip'"),
+        ("dwb", {"width": "strip", "structure": "boxes"}, "'boxes' with width 'strip'"),
+        ("dwb", {"width": "strip", "debris": "hdpe"}, "debris in a strip"),
         ("lwf", {"width": "half", "edges": "round"}, "edges is 'round'"),
         ("lwf", {"width": "strip", "structure": "box"}, "structure is 'box' with width 'strip'"),
         ("lwf", {"width": "full", "contact": 0.3}, "contact is 0.3 without debris; expected None"),
@@ -378,9 +380,96 @@ def test_rows_of_gauges_begin_too_late_in_a_near_field():
     run = Run(flume, 45.0)
     for one in run.sensors.values():
         one.level, one.time = one.level[one.time > 12.5], one.time[one.time > 12.5]
-    with pytest.raises(libmpm.SceneError):
+    said = r"begins at 27\.\d+ s .*begins late: L1, L2.*; expected 15\.5 s or before; begin the"
+    with pytest.raises(libmpm.SceneError, match=said):
         flume.compare(run)
     assert {r.verdict for r in compare(flume, run, strict=False).rows} >= {"begins late"}
+    for one in run.sensors.values():
+        one.level, one.time = one.level[one.time < 13.5], one.time[one.time < 13.5]
+    # A longer one would begin as late.
+    with pytest.raises(libmpm.SceneError, match=said):
+        flume.compare(run)
+    basin = flumes.DirectionalWaveBasin.of_case("waves")
+    run.sensors = dict.fromkeys(("WG1", "WG9", "USWG5"), run.sensors["WG1"])
+    with pytest.raises(libmpm.SceneError, match=r"expected 11\.3 s or before; compare a run of sc"):
+        basin.compare(run)
+
+
+class Platform:
+    """A near field of the basin: its front runs on the platform at 1.4 m/s, blocks at 0.7 m/s."""
+
+    def __init__(self, begin, until=38.0):
+        time = np.arange(begin, until + 0.01, 0.05)
+
+        def level(comes, depth):
+            return Samples(time - 11.3, np.where(time < comes, np.nan, 1.0 + depth))
+
+        self.sensors = {
+            "USWG5": Samples(time - 11.3, np.full(len(time), 0.9)),
+            "front-1": level(30.975, 0.03), "front-2": level(30.975 + 3 / 1.4, 0.03),
+            "USWG-h5": level(33.475, 0.06),
+            "debris-01": Samples(time - 11.3, 31.3 + 0.7 * np.maximum(time - 31.0, 0.0)),
+        }  # fmt: skip
+
+
+@pytest.mark.parametrize("width", ["half", "full"])
+def test_rows_of_the_platform_are_compared_in_a_near_field(width):
+    # B7 is of the full width.
+    flume = flumes.DirectionalWaveBasin.of_case("hdpe", width=width)
+    assert flume.near[0] == 28.5
+    found = flume.compare(Platform(28.5))
+    late = {(r.id, r.verdict) for r in found.rows if r.simulated is None}
+    assert late == {("B1", "no instrument"), ("B2", "no instrument"), ("B3", "begins late"),
+                    ("B3", "no record")}  # fmt: skip
+    assert found["B3 crest, USWG-h5"].simulated == pytest.approx(0.06)
+    assert found["B3 arrival of 1 cm, USWG-h5"].simulated == pytest.approx(33.5, abs=0.05)
+    assert found["B3 crest, USWG5"].verdict == "begins late"
+    assert found["B4"].simulated == pytest.approx(1.4, rel=0.02)
+    assert found["B5"].simulated == pytest.approx(0.7, rel=0.02)
+    assert found["B6"].simulated == pytest.approx(4.9, rel=0.02)
+    assert ("B7" in {r.id for r in found.rows}) == (width == "full")
+
+
+def test_a_run_of_which_nothing_can_be_compared_says_why():
+    flume = flumes.DirectionalWaveBasin.of_case("platform")
+    said = (r"begins at 29\.5 s .*no instrument: B1, B2; begins late: B3, B4\); "
+            r"expected 29 s or before; begin the near field earlier, or compare")  # fmt: skip
+    with pytest.raises(libmpm.SceneError, match=said):
+        flume.compare(Platform(29.5))
+    with pytest.raises(libmpm.SceneError, match=r"reached 34 s .*; expected 38 s or more; contin"):
+        flume.compare(Platform(28.5, 34.0))
+    run = Platform(28.5)
+    run.sensors = {"flow-0": run.sensors["USWG5"]}
+    with pytest.raises(libmpm.SceneError, match=r"sensors flow-0; expected those of scene\(\)"):
+        flume.compare(run)
+
+
+def test_a_run_that_needs_measured_curves_says_so(monkeypatch):
+    flume = flumes.DirectionalWaveBasin.of_case("platform")
+    rows = tuple(c for c in flume.criteria() if c.curve)
+    monkeypatch.setattr(flumes.DirectionalWaveBasin, "criteria", lambda self: rows)
+    with pytest.raises(libmpm.SceneError, match="expected one of USWG-h5; give it in curves"):
+        flume.compare(Platform(28.5))
+
+
+def test_a_level_over_land_is_that_over_the_bed_where_a_run_has_no_rest():
+    time = np.array([18.0, 19.0, 20.0])
+    sensors = {"sea": Samples(time, np.array([0.9, 0.97, 0.87])),
+               "land": Samples(time, np.array([np.nan, 1.03, 1.0]))}  # fmt: skip
+    places = [flumes.Instrument("sea", "level", 20.0, z=0.5),
+              flumes.Instrument("land", "level", 33.0, z=1.0)]  # fmt: skip
+    signals = flumes.Signals(sensors, 11.3, places, still=0.87)
+    when, level = signals.level("land")
+    assert when == pytest.approx(time + 11.3) and level == pytest.approx([0.0, 0.03, 0.0])
+    assert signals.level("sea")[1] == pytest.approx([0.03, 0.10, 0.0])
+    unknown = flumes.Signals(sensors, 11.3, places)
+    assert unknown.level("sea")[1] == pytest.approx([0.0, 0.07, -0.03])
+    # From rest on both are changes from it, as before.
+    for one in sensors.values():
+        one.time = time - 18.0
+    rested = flumes.Signals(sensors, 11.3, places, rest=0.5, still=0.5)
+    assert rested.level("sea")[1] == pytest.approx([0.0, 0.07, -0.03])
+    assert rested.level("land")[1] == pytest.approx([0.0, 0.03, 0.0])
 
 
 def test_edges_of_a_box_are_free_or_cut():

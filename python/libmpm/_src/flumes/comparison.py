@@ -6,7 +6,7 @@ import csv
 import dataclasses
 import math
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,8 +35,8 @@ class Row:
     """One number: measured, of this run, and the verdict.
 
     `verdict` is "passed" or "failed" of rows that decide, "reported" or "held out" of others,
-    "not reached" where the run ended before, "begins late" where it begins after the row's time,
-    as a near field does, "no instrument" where the scene has none of it, "no
+    "begins late" where the run begins after the row's time, as a near field does, "not reached"
+    where one that does not ends before, "no instrument" where the scene has none of it, "no
     record" where a measured curve is needed that `compare` was not given, and "not run" of a table
     without a run. `error` is the run less what was measured. `case` is the set-up that gives the
     row; `spread` the smallest and largest of several runs, of which `simulated` is the median.
@@ -179,28 +179,41 @@ def compare(
     signals = Signals(sensors, facility.clock, known, facility.rest, curves, facility.still_water)
     rows = tuple(_judged(one, signals, case) for one in facility.criteria())
     if strict and not any(row.simulated is not None for row in rows):
-        lacking = {row.verdict for row in rows} <= {"no instrument", "no record"}
-        ends = max((signals.end(n) for n in sensors if n in signals), default=facility.clock)
-        if not rows:
-            raise SceneError(
-                f"{facility.label}.compare: this set-up has no rows; expected one that was "
-                f"measured; cases are {', '.join(facility.cases)}"
-            )
-        raise SceneError(
-            f"{facility.label}.compare: the run has "
-            + (f"sensors {', '.join(sensors) or 'none'}; expected those of scene()" if lacking else
-               f"reached {ends:.4g} s of the laboratory's time; expected "
-               f"{_first_end(facility, rows):.4g} s or more; continue it")
-        )  # fmt: skip
+        raise SceneError(f"{facility.label}.compare: {_nothing(facility, rows, signals, sensors)}")
     return Comparison(facility, rows, signals)
 
 
-def _first_end(facility: Laboratory, rows: Sequence[Row]) -> float:
-    """Return when the first row ends that the run has not reached, s of the laboratory."""
-    criteria = facility.criteria()
-    ends = [c.window[1] for c, row in zip(criteria, rows, strict=True)
-            if row.verdict == "not reached"]  # fmt: skip
-    return min(ends or [c.window[1] for c in criteria])
+def _nothing(
+    facility: Laboratory, rows: Sequence[Row], signals: Signals, sensors: Iterable[str]
+) -> str:
+    """Return why no row of a run can be compared, and what gives the first of them."""
+    if not rows:
+        return ("this set-up has no rows; expected one that was measured; cases are "
+                + ", ".join(facility.cases))  # fmt: skip
+    found: dict[str, list[Criterion]] = {}
+    for one, row in zip(facility.criteria(), rows, strict=True):
+        found.setdefault(row.verdict, []).append(one)
+    said = "; ".join(f"{verdict}: {', '.join(dict.fromkeys(one.id for one in ones))}"
+                     for verdict, ones in found.items())  # fmt: skip
+    if "not reached" in found:
+        ends = max(signals.end(name) for name in signals.names())
+        first = min(one.window[1] for one in found["not reached"])
+        return (f"the run has reached {ends:.4g} s of the laboratory's time ({said}); expected "
+                f"{first:.4g} s or more; continue it")  # fmt: skip
+    if "no record" in found:
+        needed = ", ".join(dict.fromkeys(one.curve for one in found["no record"]))
+        return (f"no row can be compared without measured curves ({said}); expected one of "
+                f"{needed}; give it in curves")  # fmt: skip
+    if "begins late" in found:
+        late = [(max(map(signals.begin, one.needs)), max(one.window[0], signals.clock))
+                for one in found["begins late"]]  # fmt: skip
+        begins, due = min(late, key=lambda pair: pair[0] - pair[1])
+        sooner = "begin the near field earlier, or " if due > signals.clock else ""
+        return (
+            f"the run begins at {begins:.4g} s of the laboratory's time, after its rows do ({said})"
+            f"; expected {due:.4g} s or before; {sooner}compare a run of scene()"
+        )
+    return f"the run has sensors {', '.join(sensors) or 'none'}; expected those of scene()"
 
 
 def _row(one: Criterion, simulated: float | None, verdict: str, case: str) -> Row:
@@ -213,11 +226,12 @@ def _judged(one: Criterion, signals: Signals, case: str) -> Row:
     """Return a criterion with its verdict."""
     if not all(name in signals for name in one.needs):
         return _row(one, None, "no instrument", case)
-    slack = 1e-3 + 0.1  # a sample short of the window's end
-    if any(signals.end(name) < one.window[1] - slack for name in one.needs):
-        return _row(one, None, "not reached", case)
+    slack = 1e-3 + 0.1  # a sample short of the window's begin or end
+    # First, since no run that begins late is of use for the row, however far it goes.
     if any(signals.begin(name) > max(one.window[0], signals.clock) + slack for name in one.needs):
         return _row(one, None, "begins late", case)
+    if any(signals.end(name) < one.window[1] - slack for name in one.needs):
+        return _row(one, None, "not reached", case)
     if one.curve and one.curve not in signals.curves:
         return _row(one, None, "no record", case)
     try:

@@ -38,7 +38,8 @@ class Signals:
 
         `rest` s from its start on a run is still: levels are changes from their mean then.
         Where it begins later, as a near field does, they are changes from `still`, m, the level at
-        rest. `curves` are measured curves by instrument that are not in the package.
+        rest, or on land from the bed; None = from the first reading. `curves` are measured curves
+        by instrument that are not in the package.
         """
         self._still = still
         self._sensors, self._clock, self._rest = sensors, clock, rest
@@ -79,16 +80,20 @@ class Signals:
         return list(self._sensors[name].components)
 
     def level(self, name: str) -> tuple[Array, Array]:
-        """Return the change of a level from their mean while the run is still, m.
+        """Return times of the laboratory, s, and changes of a level from that at rest, m.
 
-        Where nothing is in reach of a gauge on land the level is that of the bed.
+        At rest it is the mean while the run is still; a run that begins later has that of the still
+        water, or of the bed where that is higher. Where nothing is in reach of a gauge on land the
+        level is that of the bed.
         """
         one = self._known[name]
         time, found = self.column(name, self._sensors[name].components[0])
         found = np.where(np.isfinite(found), found, one.z)
         rest = found[time - self._clock <= self._rest]
         if not len(rest):
-            return time, found - (float(found[0]) if self._still is None else self._still)
+            # On land the level at rest is that of the bed.
+            still = float(found[0]) if self._still is None else max(self._still, one.z)
+            return time, found - still
         return time, found - float(np.mean(rest))
 
     def depth(self, name: str) -> tuple[Array, Array]:

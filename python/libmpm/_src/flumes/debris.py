@@ -78,8 +78,8 @@ def check_debris(
     """Return debris: None, the name of a layout, or a field, which half of a flume can have."""
     if item is None:
         return None
-    if width == "slice":
-        check.fail("debris in a slice would be a bar across all of the flume; expected None; "
+    if width in ("slice", "strip"):
+        check.fail(f"debris in a {width} would be a bar across all of the flume; expected None; "
                    "use width='half' or 'full'")  # fmt: skip
     if isinstance(item, DebrisField):
         if width == "half":

@@ -31,7 +31,6 @@ from libmpm._src.flumes.debris import (
 from libmpm._src.flumes.facility import (
     PACKING_TEXT,
     Deviation,
-    Facility,
     Instrument,
     Pairs,
     Width,
@@ -39,6 +38,7 @@ from libmpm._src.flumes.facility import (
     softened,
     wall,
 )
+from libmpm._src.flumes.near_field import FacilityOfStrips, half_metres
 from libmpm._src.flumes.structures import (
     CONTACT_TEXT,
     EDGE_TEXT,
@@ -51,10 +51,10 @@ from libmpm._src.flumes.structures import (
 )
 from libmpm._src.materials.generated import FixedCorotated, TaitFluid
 from libmpm._src.scene.scene import Scene
-from libmpm._src.sensors.engine_sensors import LoadCell
 from libmpm._src.shapes.basin import basin
 from libmpm._src.shapes.boxes import DomainWalls
 from libmpm._src.shapes.particle_placement import Columns
+from libmpm._src.shapes.prisms import Extrusion
 from libmpm._src.studies.debris.field import DebrisField
 from libmpm._src.studies.debris.ordered import ordered
 from libmpm._src.studies.debris.prototype import Prototype
@@ -67,6 +67,8 @@ _BLOCKS = {"hdpe": 987.0, "wood": 648.0}
 _FRONT = (("front-1", 32.0), ("front-2", 35.0))
 _SIZE = (0.102, 0.102, 0.051)
 _EDGE, _PLATFORM = 31.29, 1.0
+#: From before water has come to the platform to the end of its rows, s of the laboratory.
+_LANDED = (29.0, 38.0)
 _GAP = 0.051
 _GAUGES = (
     ("WG1", 14.05, -3.6), ("WG2", 14.05, 0.0), ("WG4", 14.3, 0.0), ("WG5", 14.9, 0.0),
@@ -76,7 +78,7 @@ _GAUGES = (
 
 
 @value
-class DirectionalWaveBasin(Facility):
+class DirectionalWaveBasin(FacilityOfStrips):
     """The channel in the OSU Directional Wave Basin: wave, ramp, platform, blocks.
 
     {fields}
@@ -121,6 +123,11 @@ class DirectionalWaveBasin(Facility):
     custom field are of the kind that their prototype is named after, others need a number. Under
     blocks the bed lets go, with held nodes: off `Slip` no water lifts one.
 
+    `near_field` begins at 28.5 s, before water has come to the platform, and at x 22 m, and needs
+    `width` "half". Its bed is that under blocks, which a strip has too, and its transfer that of
+    the channel without obstacles, also with them: past obstacles the channel has another one. Of
+    B1 to B3 it has rows of USWG-h5 alone.
+
     Raises `SceneError`.
 
     Source: Park et al. (2021); Bonus (2023) chapter 8.
@@ -130,6 +137,11 @@ class DirectionalWaveBasin(Facility):
     short: ClassVar[str] = "dwb"
     title: ClassVar[str] = "OSU Directional Wave Basin"
     stands: ClassVar[bool] = True
+    stations: ClassVar[tuple[float, ...]] = half_metres(18.0, 28.0)
+    near: ClassVar[tuple[float, float]] = (28.5, 22.0)
+    intervals: ClassVar[dict[str, float]] = {
+        "level": 1 / 20, "velocity": 1 / 20, "load": 1 / 1000,
+    }  # fmt: skip
     clock_offset: ClassVar[float] = 11.3
     bed_profile: ClassVar[Pairs] = (
         (-4.0, 0.0), (11.29, 0.0), (31.29, 1.0), (41.29, 1.0), (41.3, 0.0), (48.0, 0.0),
@@ -210,9 +222,9 @@ class DirectionalWaveBasin(Facility):
                            "or a number for all")  # fmt: skip
         if self.structure is not None:
             check.choice("structure", self.structure, ("boxes",))
-            if self.width == "slice":
-                check.fail("structure is 'boxes' with width 'slice', where they would close the "
-                           "channel; expected None; use width='full'")  # fmt: skip
+            if self.width in ("slice", "strip"):
+                check.fail(f"structure is 'boxes' with width {self.width!r}, where they would "
+                           "close the channel; expected None; use width='full'")  # fmt: skip
         return found
 
     @property
@@ -237,7 +249,6 @@ class DirectionalWaveBasin(Facility):
         stroke = self.stroke()
         made = self._new_scene((-behind, y[0], -2 * h), (47.0, y[1], self.still_water + 0.8))
         wide = (y[0] - 1.0, y[1] + 1.0)
-        bed = axes.bed(self.bed_profile, wide)
         before = [p for p in self.bed_profile if p[0] <= _EDGE]
         # The pit behind the platform is dry at the start.
         land = axes.bed((*before, (48.0, _PLATFORM)), wide)
@@ -250,32 +261,37 @@ class DirectionalWaveBasin(Facility):
             sampling=Columns(),
             fbar=self.water_fbar(),
         )
-        made.add_boundary(name="bed", shape=bed, response=self.bed_response())
+        made.add_boundary(name="bed", shape=self._bed(), response=self.bed_response())
         reach = float(max(stroke.value)) + 2 * behind
         piston = axes.box((-reach, wide[0], -1.0), (0.0, wide[1], made.upper[-1] + 1.0))
         made.add_boundary(
             name="piston", shape=piston, response=wall(), motion=Displacement(self._along(stroke))
         )
         made.add_boundary(name="walls", shape=DomainWalls(), response=self._wall())
+        self.add_parts(made)
+        return made
+
+    def half_width(self) -> float:
+        """Return half of the channel's width on faces of cells, m."""
+        return self._half(self.channel)
+
+    def add_structures(self, made: Scene) -> None:
+        """Add obstacles and blocks to a scene of the channel."""
         if self.structure is not None:
             for k, side in self._obstacles():
                 low = [self._cells(a) for a in (35.29, side, _PLATFORM)]
                 high = [self._cells(a) for a in (35.69, side + 0.4, _PLATFORM + 0.3)]
-                add_structure(made, f"box-{k}", axes.box(low, high), self.edges,
+                add_structure(made, f"box-{k}", self.axes.box(low, high), self.edges,
                               contact=self.contact is not None)  # fmt: skip
         if self.debris is not None:
-            self._add_debris(made, bed)
-        for one in self.instruments():
-            if one.kind == "level":
-                sensor: Any = axes.gauge(one.x, one.y, one.z, 1 / 20, max(0.1, h))
-            elif one.kind == "velocity":
-                sensor = axes.probe(one.x, one.y, one.z, 1 / 20)
-            else:
-                sensor = LoadCell(boundary=one.boundary, interval=1 / 1000)
-            made.add_sensor(name=one.name, sensor=sensor)
-        return made
+            self._add_debris(made)
 
-    def _add_debris(self, made: Scene, bed: Any) -> None:
+    def _bed(self) -> Extrusion:
+        """Return what lies below the channel, wider than the scene."""
+        y = self._across(self.channel)
+        return self.axes.bed(self.bed_profile, (y[0] - 1.0, y[1] + 1.0))
+
+    def _add_debris(self, made: Scene) -> None:
         field = self.field()
         names = add_field(made, field, elevation=_PLATFORM, half=self.width == "half")
         track(made, names)
@@ -286,7 +302,7 @@ class DirectionalWaveBasin(Facility):
             else friction(kind, "concrete", self.friction)
             for name, kind in zip(names, kinds, strict=True)
         }  # fmt: skip
-        add_bed_friction(made, bed, rubs, "platform-friction")
+        add_bed_friction(made, self._bed(), rubs, "platform-friction")
         add_contacts(made, self.contact)
 
     def _obstacles(self) -> tuple[tuple[int, float], ...]:
@@ -318,7 +334,12 @@ class DirectionalWaveBasin(Facility):
         return scattered(made, self.seed, self.cell_size, across=self.width != "half")
 
     def instruments(self) -> tuple[Instrument, ...]:
-        """Return the gauges, a probe of the flow, and trackers of blocks."""
+        """Return the gauges and a probe of the flow, with obstacles their load cells.
+
+        A strip has none.
+        """
+        if self.width == "strip":
+            return ()
         half = 0.5 if self.width == "slice" else self._across(self.channel)[1] - 2 * self.cell_size
         found = []
         for name, x, y in _GAUGES:
@@ -403,30 +424,31 @@ class DirectionalWaveBasin(Facility):
             ]  # fmt: skip
         later = (11.3, 38.0)
         held: dict[str, Any] = {"gates": False, "held_out": True}
-        for name, high, late, limit in (
-            ("USWG5", "-4 %", "", 0.015), ("USWG-h5", "-18 %", "1.5 s late", 0.005),
-        ):  # fmt: skip
+        for name, high, late, limit, span in (
+            ("USWG5", "-4 %", "", 0.015, later),
+            ("USWG-h5", "-18 %", "1.5 s late", 0.005, _LANDED),
+        ):
             found += [
-                Criterion("B3", f"crest, {name}", "m", (name,), later, measures.crest(name, later),
+                Criterion("B3", f"crest, {name}", "m", (name,), span, measures.crest(name, span),
                           tolerance="± 20 %", published=high, **held),
-                Criterion("B3", f"arrival of 1 cm, {name}", "s", (name,), later,
-                          measures.arrival(name, 0.01, later), tolerance="± 0.5 s",
+                Criterion("B3", f"arrival of 1 cm, {name}", "s", (name,), span,
+                          measures.arrival(name, 0.01, span), tolerance="± 0.5 s",
                           published=late, **held),
-                Criterion("B3", f"rms of the level, {name}", "m", (name,), later,
-                          measures.rms_of(name, later), 0.0, 0.0, limit, f"≤ {limit:g} m",
+                Criterion("B3", f"rms of the level, {name}", "m", (name,), span,
+                          measures.rms_of(name, span), 0.0, 0.0, limit, f"≤ {limit:g} m",
                           gates=False, curve=name),
             ]  # fmt: skip
         found.append(Criterion(
-            "B4", "front of the flow on the platform", "m/s", tuple(n for n, _ in _FRONT), later,
+            "B4", "front of the flow on the platform", "m/s", tuple(n for n, _ in _FRONT), _LANDED,
             _front, gates=self.cell_size <= 0.0125, **measures.within(1.4, 0.15),
         ))  # fmt: skip
         if isinstance(self.debris, str) and self.debris in _BLOCKS:
-            found += self._debris_rows(later)
+            found += self._debris_rows()
         return tuple(found)
 
-    def _debris_rows(self, window: tuple[float, float]) -> list[Criterion]:
+    def _debris_rows(self) -> list[Criterion]:
         """Return rows B5 or B6 and B7 of blocks of one kind."""
-        needs = ("debris-01",)
+        needs, window = ("debris-01",), _LANDED
         speed, row = (0.7, "B5") if self.debris == "hdpe" else (1.0, "B6")
         found = [
             Criterion(row, f"mean speed of {self.debris} while carried", "m/s", needs, window,
@@ -465,6 +487,5 @@ def _front(signals: measures.Signals) -> float:
     It has come where the level is 5 mm over the platform.
     """
     (first, x), (second, u) = _FRONT
-    window = (11.3, 40.0)
-    start, time = (measures.arrival(n, 0.005, window)(signals) for n in (first, second))
+    start, time = (measures.arrival(n, 0.005, _LANDED)(signals) for n in (first, second))
     return (u - x) / (time - start) if time > start else math.nan

@@ -17,7 +17,6 @@ from libmpm._src.errors import SceneError
 from libmpm._src.flumes.laboratory import Instrument
 from libmpm._src.methods.method import PACKING, FBar, Method
 from libmpm._src.methods.transfer import Transfer
-from libmpm._src.scene.default_transfer import PAST_STRUCTURES
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.column_gauge import ColumnGauge
 from libmpm._src.sensors.engine_sensors import Sensor, VelocityProbe, WaveGauge
@@ -138,8 +137,11 @@ class Facility(Value):
     stands: ClassVar[bool] = False
     #: Whether grains flow and not water: APIC by name.
     granular: ClassVar[bool] = False
-    #: Whether it can be one cell wide, which `near_field` cuts and tiles.
+    #: Whether it can be one cell wide: see `FacilityOfStrips`.
     strips: ClassVar[bool] = False
+    #: Transfer of a strip, which has no structure and goes on as a near field with one; None = what
+    #: a scene takes that names none, as the other widths do.
+    strip_transfer: ClassVar[Transfer | None] = None
     #: How long a run is still at all gauges, s, by which their zero is set.
     rest: ClassVar[float] = 2.0
     #: Arguments of each level; see `at_level`.
@@ -253,7 +255,7 @@ class Facility(Value):
         of them the rows are medians with their spread: debris is chaotic, so runs that differ in
         `seed`. `curves` are measured curves by instrument that are not in the package, for rows
         that need them (`records.curve`). `case` names the set-up in the rows. Raises `SceneError`
-        where a run lacks all instruments, or ends before anything can be compared.
+        where nothing can be compared: a run lacks all instruments, ends too early or begins late.
         """
         from libmpm._src.flumes.comparison import compare, median_of
 
@@ -292,9 +294,10 @@ class Facility(Value):
     def bed_response(self) -> Slip | Separable:
         """Return the response of the bed: held nodes in a calm slice, linear cells else.
 
-        Under debris that stands on it or may come to ground it lets go, since off `Slip` no water
-        lifts a piece, and its nodes are held: linear cells that let go are not stable at the foot
-        of a step (water at rest before the quay of the Waseda basin, AFLIP 0.99, cells of 0.03 m).
+        Under debris that stands on it or may come to ground, and so in a strip of such a facility,
+        it lets go, since off `Slip` no water lifts a piece, and its nodes are held: linear cells
+        that let go are not stable at the foot of a step (water at rest before the quay of the
+        Waseda basin, AFLIP 0.99, cells of 0.03 m).
 
         Before a step or the foot of a slope of linear cells slow water crowds, which gauges there
         read (WG1 of the Directional Wave Basin by 2.7 cm rms in place of 1.2, `docs/flumes`); in
@@ -302,7 +305,8 @@ class Facility(Value):
         """
         if self.width == "slice" and not self.violent:
             return Slip(cell="held")
-        if self.stands and self.debris is not None:
+        # A strip goes on as a near field, whose debris may stand on its bed.
+        if self.stands and (self.debris is not None or self.width == "strip"):
             return Separable(cell="held")
         return self._response(lets_go=False)
 
@@ -372,8 +376,12 @@ class Facility(Value):
         """Return the y between which the scene lies: half of it from the centreline."""
         if self.width == "strip":
             return (0.0, self.cell_size)
-        half = max(self._cells(0.5 * width), self.cell_size)
+        half = self._half(width)
         return (0.0, half) if self.width == "half" else (-half, half)
+
+    def _half(self, width: float) -> float:
+        """Return half of a width on faces of cells, m."""
+        return max(self._cells(0.5 * width), self.cell_size)
 
     def _new_scene(
         self,
@@ -383,8 +391,7 @@ class Facility(Value):
     ) -> Scene:
         """Return an empty scene between two corners (x, y, z), moved out to faces of cells."""
         h, axes = self.cell_size, self.axes
-        # A strip, which has no structure, goes on as a near field with one; others name none.
-        transfer = PAST_STRUCTURES if self.width == "strip" else None
+        transfer = self.strip_transfer if self.width == "strip" else None
         if self.granular:
             transfer = Transfer()
         low = [math.floor(x / h + 1e-6) * h for x in lower]

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from libmpm._src.base.declarations import given
@@ -15,13 +13,12 @@ from libmpm._src.base.values import Checker, shown, value
 from libmpm._src.boundaries.responses import Displacement, Slip
 from libmpm._src.boundaries.wave_makers import piston_stroke
 from libmpm._src.errors import ModelWarning, SceneError
-from libmpm._src.flumes import large_wave_flume_rows, near_field, records
+from libmpm._src.flumes import large_wave_flume_rows, records
 from libmpm._src.flumes.criteria import Criterion
 from libmpm._src.flumes.debris import FIELD_TEXT, add_field, check_debris, lengthened, scattered
 from libmpm._src.flumes.facility import (
     PACKING_TEXT,
     Deviation,
-    Facility,
     Instrument,
     Pairs,
     Width,
@@ -30,6 +27,7 @@ from libmpm._src.flumes.facility import (
     softened,
     wall,
 )
+from libmpm._src.flumes.near_field import FacilityOfStrips, half_metres
 from libmpm._src.flumes.structures import (
     CONTACT_TEXT,
     EDGE_TEXT,
@@ -39,8 +37,9 @@ from libmpm._src.flumes.structures import (
     add_structure,
 )
 from libmpm._src.materials.generated import FixedCorotated, TaitFluid
+from libmpm._src.methods.transfer import Transfer
+from libmpm._src.scene.default_transfer import PAST_STRUCTURES
 from libmpm._src.scene.scene import Scene
-from libmpm._src.sensors.engine_sensors import LoadCell
 from libmpm._src.shapes.basin import basin
 from libmpm._src.shapes.boxes import Box, DomainWalls
 from libmpm._src.shapes.particle_placement import Columns
@@ -96,7 +95,7 @@ _BESIDE = 1.3
 
 
 @value
-class LargeWaveFlume(Facility):
+class LargeWaveFlume(FacilityOfStrips):
     """The OSU Large Wave Flume: a piston, a long wave, a raised box, and bars of HDPE.
 
     {fields}
@@ -151,7 +150,12 @@ class LargeWaveFlume(Facility):
     label: ClassVar[str] = "flumes.LargeWaveFlume"
     short: ClassVar[str] = "lwf"
     title: ClassVar[str] = "OSU Large Wave Flume"
-    strips: ClassVar[bool] = True
+    stations: ClassVar[tuple[float, ...]] = half_metres(20.0, 36.0)
+    near: ClassVar[tuple[float, float]] = (27.5, 26.0)
+    intervals: ClassVar[dict[str, float]] = {
+        "level": 1 / 20, "velocity": 1 / 30, "load": 1 / 1200,
+    }  # fmt: skip
+    strip_transfer: ClassVar[Transfer | None] = PAST_STRUCTURES
     clock_offset: ClassVar[float] = 15.0
     bed_profile: ClassVar[Pairs] = (
         (-6.0, 0.0), (14.275, 0.0), (14.28, 0.226), (17.933, 0.226), (28.906, 1.1404),
@@ -302,60 +306,19 @@ class LargeWaveFlume(Facility):
         )
         made.add_boundary(name="walls", shape=DomainWalls(), response=Slip())
         self.add_parts(made)
-        if self.width == "strip":
-            near_field.add_stations(made)
         return made
-
-    def trunk(self) -> LargeWaveFlume:
-        """Return the flume one cell wide, without box, debris and instruments, for `near_field`.
-
-        Its scene has stations "flow-0", ..., which record the mean velocity of the water before the
-        box's place.
-        """
-        return dataclasses.replace(self, width="strip", structure=None, debris=None, contact=None,
-                                   seed=0)  # fmt: skip
-
-    def near_field(
-        self,
-        folder: str | Path,
-        *,
-        begin: float = 27.5,
-        lower: float = 26.0,
-        until: float | None = None,
-        **options: Any,
-    ) -> Scene:
-        """Return the part of the flume about the box, cut out of a run of `trunk()`.
-
-        The strip is run once, into `folder`, with `options` of `Simulation`; what lies there is
-        used again, so that all layouts have one water. The near field continues from `begin`, s of
-        the laboratory, before water has come to the box, up to `until` (None = the end of all
-        rows), and takes the flume from `lower`, x in m, on: cut, tiled to half of the width, with
-        box and debris of this value. At `lower` a piston moves as the water of the strip did
-        (`flumes.piston_of_flow`). For `width` "half". `compare` takes its run; rows of gauges
-        begin too late in it. Raises `SceneError`.
-        """
-        return near_field.near_field(self, Path(folder), begin, lower, until, options)
 
     def half_width(self) -> float:
         """Return half of the flume's width on faces of cells, m."""
-        return self._cells(0.5 * 3.66)
+        return self._half(3.66)
 
-    def add_parts(self, made: Scene) -> None:
-        """Add box, debris and the instruments that the domain has to a scene of the flume."""
+    def add_structures(self, made: Scene) -> None:
+        """Add box and debris to a scene of the flume."""
         if self.structure is not None:
             add_structure(made, "box", self.box(), self.edges, half=self.width == "half",
                           contact=self.contact is not None)  # fmt: skip
-            made.add_sensor(name="box", sensor=LoadCell(boundary="box", interval=1 / 1200))
         if self.debris is not None:
             self._add_debris(made)
-        axes, hat = self.axes, max(0.1, self.cell_size)
-        for one in self.instruments():
-            if one.x < made.lower[0]:
-                continue
-            if one.kind == "level":
-                made.add_sensor(name=one.name, sensor=axes.gauge(one.x, one.y, one.z, 1 / 20, hat))
-            elif one.kind == "velocity":
-                made.add_sensor(name=one.name, sensor=axes.probe(one.x, one.y, one.z, 1 / 30))
 
     def box(self) -> Box:
         """Return the raised box on faces of cells; with width "half" one half of it."""

@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
 from libmpm._src.base.time_tables import TimeTable
 from libmpm._src.boundaries.responses import Displacement, Slip
 from libmpm._src.errors import ModelWarning, SceneError
+from libmpm._src.flumes.facility import Facility, Instrument
 from libmpm._src.flumes.virtual_paddle import piston_of_flow
 from libmpm._src.output.checkpoint import load_header
 from libmpm._src.run.checkpoint_state import caught
 from libmpm._src.scene.scene import Scene
+from libmpm._src.sensors.engine_sensors import LoadCell, Sensor
 from libmpm._src.sensors.python_sensors import GridSensor
 from libmpm._src.shapes.boxes import Box
 
-if TYPE_CHECKING:
-    from libmpm._src.flumes.large_wave_flume import LargeWaveFlume
+__all__ = ["CHECKPOINT", "FacilityOfStrips", "half_metres"]
 
-__all__ = ["CHECKPOINT", "STATIONS", "add_stations", "near_field"]
-
-#: x at which the mean velocity of the water is recorded, m; a near field begins in between.
-STATIONS = tuple(float(x) for x in np.arange(20.0, 36.01, 0.5))
 #: Checkpoint in a folder of near fields at which they begin.
 CHECKPOINT = "near.npz"
 #: Time between two readings, s.
@@ -36,10 +34,112 @@ _SAME_TIME = 0.01
 _BEYOND = 6.0
 
 
-def add_stations(scene: Scene) -> None:
+def half_metres(first: float, last: float) -> tuple[float, ...]:
+    """Return the places every half metre from `first` to `last`, m."""
+    return tuple(float(x) for x in np.arange(first, last + 0.01, 0.5))
+
+
+class FacilityOfStrips(Facility):
+    """Base of the facilities that have a near field, cut out of the run of a strip.
+
+    They are `LargeWaveFlume` and `DirectionalWaveBasin`. The strip (`trunk`) is one cell wide,
+    without structure and debris, and serves all set-ups: `near_field` makes of its run the half of
+    the facility about structure and debris.
+    """
+
+    strips: ClassVar[bool] = True
+    #: x at which a strip records the mean velocity of its water, m; a near field begins in between.
+    stations: ClassVar[tuple[float, ...]]
+    #: What `near_field` takes by default: `begin`, s of the laboratory, and `lower`, m.
+    near: ClassVar[tuple[float, float]]
+    #: Time between two readings of an instrument, s, by its kind.
+    intervals: ClassVar[Mapping[str, float]]
+
+    # What each facility says -----------------------------------------------------------------
+
+    def half_width(self) -> float:
+        """Return half of the width of the whole facility, on faces of cells, m."""
+        raise NotImplementedError
+
+    def add_structures(self, made: Scene) -> None:
+        """Add structure and debris to a scene of the facility."""
+        raise NotImplementedError
+
+    # What all of them do ---------------------------------------------------------------------
+
+    def add_parts(self, made: Scene) -> None:
+        """Add what a near field has of its own: structure, debris, instruments from its cut on.
+
+        A strip gets its stations.
+        """
+        self.add_structures(made)
+        for one in self.instruments():
+            if one.x >= made.lower[0]:
+                made.add_sensor(name=one.name, sensor=self._sensor(one))
+        if self.width == "strip":
+            _add_stations(made, self.stations)
+
+    def _sensor(self, one: Instrument) -> Sensor:
+        """Return the sensor that reads what an instrument does."""
+        every = self.intervals[one.kind]
+        if one.kind == "level":
+            return self.axes.gauge(one.x, one.y, one.z, every, max(0.1, self.cell_size))
+        if one.kind == "velocity":
+            return self.axes.probe(one.x, one.y, one.z, every)
+        return LoadCell(boundary=one.boundary, interval=every)
+
+    def trunk(self) -> Self:
+        """Return the facility one cell wide, without structure, debris and instruments.
+
+        Its scene has sensors "flow-0", "mass-0", ... at `stations`, momentum and mass of the water
+        there, from which `near_field` has the mean velocity.
+        """
+        bare: dict[str, Any] = {"structure": None, "debris": None, "contact": None, "seed": 0}
+        return dataclasses.replace(self, width="strip", **bare)  # type: ignore[type-var]
+
+    def near_field(
+        self,
+        folder: str | Path,
+        *,
+        begin: float | None = None,
+        lower: float | None = None,
+        until: float | None = None,
+        **options: Any,
+    ) -> Scene:
+        """Return the part of the facility about its structure, cut out of a run of `trunk()`.
+
+        ========  ====  ===========  ============================================================
+        argument  unit  range        meaning
+        ========  ====  ===========  ============================================================
+        folder    -     -            where the run of the strip lies, or will
+        begin     s     > `clock`    of the laboratory, before water has come to structure and
+                                     debris; None = 27.5 in the Large Wave Flume, 28.5 in the
+                                     Directional Wave Basin
+        lower     m     `stations`   x of the cut, moved to a face of cells; None = 26 and 22
+        until     s     > begin      of the laboratory, up to which the piston moves; None = the
+                                     end of all rows
+        options   -     -            of `Simulation`, for the strip
+        ========  ====  ===========  ============================================================
+
+        The strip is run once; what lies in `folder` is used again, so that all layouts have one
+        water. Its run is cut, tiled to half of the width, and gets structure and debris of this
+        value; at the cut a piston moves as the water of the strip did (`flumes.piston_of_flow`).
+        Transfer, bed and walls are those of the strip, whatever is added. `compare` takes a run of
+        it; rows that begin before it are not compared.
+
+        Raises `SceneError`: of another `width` than "half", of times and places out of range, where
+        `folder` holds another run or a cut at another time, and where water is where a box is to
+        stand.
+        """
+        first, at = self.near
+        return _near_field(self, Path(folder), first if begin is None else begin,
+                           at if lower is None else lower, until, options)  # fmt: skip
+
+
+def _add_stations(scene: Scene, at: tuple[float, ...]) -> None:
     """Add sums of mass and momentum of two cells about each station: "flow-0", "mass-0", ..."""
     h = scene.cell_size
-    for k, x in enumerate(STATIONS):
+    for k, x in enumerate(at):
         region = Box(lower=(x - h, *scene.lower[1:]), upper=(x + h, *scene.upper[1:]))
         measured: tuple[tuple[str, Literal["momentum", "mass"]], ...] = (
             ("flow", "momentum"), ("mass", "mass"),
@@ -54,22 +154,23 @@ def add_stations(scene: Scene) -> None:
             )  # fmt: skip
 
 
-def near_field(
-    flume: LargeWaveFlume,
+def _near_field(
+    flume: FacilityOfStrips,
     folder: Path,
     begin: float,
     lower: float,
     until: float | None,
     options: Mapping[str, Any],
 ) -> Scene:
-    """See `LargeWaveFlume.near_field`."""
+    """See `FacilityOfStrips.near_field`."""
     label = f"{flume.label}.near_field"
     if flume.width != "half":
         raise SceneError(f"{label}: width is {flume.width!r}; expected 'half', which a strip can "
                          "be tiled to")  # fmt: skip
-    if not STATIONS[0] < lower < STATIONS[-1]:
+    at = flume.stations
+    if not at[0] < lower < at[-1]:
         raise SceneError(f"{label}: lower is {lower:g} m; expected between the stations, "
-                         f"{STATIONS[0]:g} to {STATIONS[-1]:g} m")  # fmt: skip
+                         f"{at[0]:g} to {at[-1]:g} m")  # fmt: skip
     start = begin - flume.clock
     end = flume.until if until is None else until - flume.clock
     if not 0 < start < end:
@@ -95,31 +196,33 @@ def near_field(
         )  # fmt: skip
     assert made.start is not None
     columns = []
-    for k in range(len(STATIONS)):
+    for k in range(len(at)):
         series = [results.sensors[f"{name}-{k}"] for name in ("flow", "mass")]
         p, m = (np.asarray(s[s.components[0]], np.float64) for s in series)
         columns.append(np.divide(p, m, out=np.zeros_like(p), where=m > 0))
-    table = piston_of_flow(results.sensors["flow-0"].time, STATIONS, np.array(columns).T,
+    table = piston_of_flow(results.sensors["flow-0"].time, at, np.array(columns).T,
                            begin=made.start.time, at=low)  # fmt: skip
-    at, places = table.arrays()
+    when, places = table.arrays()
     wide = (made.lower[1] - 1.0, made.upper[1] + 1.0)
     made.add_boundary(
         name="near-piston", response=Slip(cell="linear"),
         shape=Box(lower=(low - _BEYOND, wide[0], -1.0), upper=(low, wide[1], made.upper[2] + 1.0)),
-        motion=Displacement(TimeTable(at, [(float(x), 0.0, 0.0) for x in places])),
+        motion=Displacement(TimeTable(when, [(float(x), 0.0, 0.0) for x in places])),
     )  # fmt: skip
+    there = len(made.boundaries)
     flume.add_parts(made)
-    box = next((b.shape for b in made.boundaries if b.name == "box"), None)
-    if isinstance(box, Box) and (wet := caught(made, box)):
-        raise SceneError(
-            f"{label}: begin is {begin:g} s of the laboratory, when {sum(wet.values())} particles "
-            "of water are where the box is to stand; expected none; begin earlier"
-        )
+    for new in made.boundaries[there:]:
+        if isinstance(new.shape, Box) and (wet := caught(made, new.shape)):
+            raise SceneError(
+                f"{label}: begin is {begin:g} s of the laboratory, when {sum(wet.values())} "
+                f"particles of water are where {new.name!r} is to stand; expected none; begin "
+                "earlier"
+            )
     return made
 
 
 def _trunk(
-    flume: LargeWaveFlume, folder: Path, start: float, until: float, options: Mapping[str, Any]
+    flume: FacilityOfStrips, folder: Path, start: float, until: float, options: Mapping[str, Any]
 ) -> Any:
     """Return the results of the strip's run to `until` s, with a checkpoint at `start` s of it.
 
