@@ -73,6 +73,7 @@ inline BoundarySpec read_boundary(const py::dict& d, int dimension) {
     if (d.contains("surface"))
         b.surface = read_surface(d["surface"], dimension, "boundary '" + b.name + "'");
     if (d.contains("within")) b.within = doubles(d["within"]);
+    b.uplift = d.contains("uplift") && d["uplift"].cast<bool>();
     if (b.is_box || d.contains("surface")) {
         b.lower = d["lower"].cast<std::vector<int>>();
         b.upper = d["upper"].cast<std::vector<int>>();

@@ -35,6 +35,26 @@ struct LoadCellRecord {
     double reference[D];
 };
 
+/// An impulse on the boundary of a load cell, and its moment, from one node.
+template <int D, class Node>
+MPM_INLINE void add_load(const Node& node, std::int32_t slot, int n, const LoadCellRecord<D>& cell,
+                         const double (&f)[D], const ImpulseScales& scales, Int128* sum) {
+    std::int64_t at[D];
+    node.cell(slot, n, at);
+    double r[D];
+    for (int a = 0; a < D; ++a) {
+        r[a] = (double(at[a]) + 0.5) * node.boundaries.cell_size - cell.reference[a];
+        sum[a] += exact(f[a], scales.impulse);
+    }
+    if constexpr (D == 2) {
+        sum[2] += exact(r[0] * f[1] - r[1] * f[0], scales.moment);
+    } else {
+        sum[3] += exact(r[1] * f[2] - r[2] * f[1], scales.moment);
+        sum[4] += exact(r[2] * f[0] - r[0] * f[2], scales.moment);
+        sum[5] += exact(r[0] * f[1] - r[1] * f[0], scales.moment);
+    }
+}
+
 /// Momentum, and its moment, that the boundary of a load cell takes from one node in this step.
 /// `contact`: in a scene with several fields of velocities.
 template <class T, class Sum, int D, bool contact = false>
@@ -42,7 +62,6 @@ struct MeasureLoads {
     NodeUpdate<T, Sum, D> node;
     const std::int32_t* slots;  // blocks that the boundaries of load cells touch
     const LoadCellRecord<D>* cells;
-    double cell_size;
     ImpulseScales scales;
     KnownNodes<D> known;  // where nodes beside boundaries are listed
     WallSeats<T> seats = {};
@@ -91,20 +110,7 @@ struct MeasureLoads {
     }
     MPM_INLINE void add(std::int32_t slot, int n, const LoadCellRecord<D>& cell,
                         const double (&f)[D], Int128* sum) const {
-        std::int64_t at[D];
-        node.cell(slot, n, at);
-        double r[D];
-        for (int a = 0; a < D; ++a) {
-            r[a] = (double(at[a]) + 0.5) * cell_size - cell.reference[a];
-            sum[a] += exact(f[a], scales.impulse);
-        }
-        if constexpr (D == 2) {
-            sum[2] += exact(r[0] * f[1] - r[1] * f[0], scales.moment);
-        } else {
-            sum[3] += exact(r[1] * f[2] - r[2] * f[1], scales.moment);
-            sum[4] += exact(r[2] * f[0] - r[0] * f[2], scales.moment);
-            sum[5] += exact(r[0] * f[1] - r[1] * f[0], scales.moment);
-        }
+        add_load<D>(node, slot, n, cell, f, scales, sum);
     }
     /// Is its contact beside lines worked out here? See exec/cuda_kernels.cuh.
     MPM_INLINE bool one_by_one(std::int64_t i) const requires contact {

@@ -17,6 +17,7 @@
 #include "mpm/kernels/sorting.hpp"
 #include "mpm/kernels/wall_nodes.hpp"
 #include "mpm/solver/blocks_together.hpp"
+#include "mpm/solver/fluids.hpp"
 #include "mpm/solver/plan.hpp"
 #include "mpm/solver/spec.hpp"
 #include "mpm/solver/surface_blocks.hpp"
@@ -317,36 +318,13 @@ void Boundaries<X, D>::set_pressures(const Spec& spec, const Plan& plan) {
             boxes = boxes || (law.linear && s.is_box);
         }
     }
-    std::vector<GroupPressure> found;
-    for (std::size_t b = 0; b < spec.bodies.size() && (boxes || linear_surfaces_); ++b) {
-        const GroupChannels& g = plan.bodies[b].group;
-        const MaterialInfo& m = material(spec.bodies[b].material);
-        const auto& values = spec.bodies[b].parameters;
-        double stiffness = 0, exponent = 0;
-        for (std::size_t k = 0; k < values.size(); ++k) {
-            if (std::string_view(m.parameters[k].name) == "bulk_modulus") stiffness = values[k];
-            if (std::string_view(m.parameters[k].name) == "exponent") exponent = values[k];
-        }
-        const bool known = std::any_of(found.begin(), found.end(),
-                                       [&](const GroupPressure& f) { return f.sum == g.sum; });
-        if (g.average < 0 || known || !(stiffness > 0 && exponent > 0)) continue;
-        const double size = std::pow(spec.cell_size, D);
-        found.push_back({g.sum, std::max(g.weight, 0), stiffness / exponent, exponent,
-                         m.density(values.data()) * size});
-    }
-    pressures_.assign(found);
+    if (boxes || linear_surfaces_) pressures_.assign(group_pressures<D>(spec, plan));
 }
 
 template <class X, int D>
 void Boundaries<X, D>::set_fields(const Spec& spec) {
     if (!spec.contact.any() || !(linear_walls_ || linear_surfaces_)) return;
-    std::vector<std::int32_t> solid(std::size_t(spec.contact.fields), 1);
-    for (const BodySpec& body : spec.bodies) {
-        if (!material(body.material).volumetric) continue;
-        if (body.fields.empty()) solid[0] = 0;
-        for (const FieldOfIds& f : body.fields) solid[std::size_t(f.field)] = 0;
-    }
-    solid_fields_.assign(solid);
+    solid_fields_.assign(fields_of_solids(spec));
 }
 
 template <class X, int D>

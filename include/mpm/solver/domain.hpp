@@ -46,6 +46,7 @@
 #include "mpm/solver/snapshot.hpp"
 #include "mpm/solver/state_check.hpp"
 #include "mpm/solver/tallies.hpp"
+#include "mpm/solver/uplift.hpp"
 
 namespace mpm {
 
@@ -504,6 +505,7 @@ private:
     BlockTable<Base, D> blocks_{exec_, spec_.cells, spec_.contact.fields};
     const BlockTableView<D>& table_ = blocks_.view();
     Boundaries<Base, D> boundaries_{exec_, spec_, plan_};
+    Uplift<X, Grid, Sum, D> uplift_{exec_, spec_, plan_};
 
     int sorts_of_table_ = 0;
     Buffer<X, Grid> velocity_{exec_};

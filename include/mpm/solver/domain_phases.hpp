@@ -24,6 +24,11 @@ void Domain<X, T, D>::reserve_scratch(Body& body) {
 template <class X, class T, int D>
 template <class Decided>
 void Domain<X, T, D>::make_velocities(const Decided& decided) {
+    const auto node = node_update(parity());
+    if (uplift_.any()) {
+        uplift_.find(node, boundaries_);
+        uplift_.raise(node, boundaries_);
+    }
     if (boundaries_.lists()) move_wall_nodes();
     constexpr bool host = !X::is_device;
     if (boundaries_.has_mirrors())
@@ -32,6 +37,7 @@ void Domain<X, T, D>::make_velocities(const Decided& decided) {
         make_velocities_with<false, host>(decided);
     else
         make_velocities_with<false, false>(decided);
+    if (uplift_.any()) uplift_.lower(node, boundaries_);
 }
 
 template <class X, class T, int D>

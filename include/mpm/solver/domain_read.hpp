@@ -339,7 +339,7 @@ std::map<std::string, double> Domain<X, T, D>::statistics() const {
     double bytes = double(blocks_.bytes() + velocity_.bytes() + wall_velocity_.bytes() +
                           wall_changed_.bytes() + wall_seats_.bytes() + excess_.bytes() +
                           packed_.bytes() + sums_[0].bytes() + sums_[1].bytes()) +
-                   boundaries_.bytes();
+                   boundaries_.bytes() + uplift_.bytes();
     bytes += double(cells_.bytes() + smoothing_energies_.bytes() + shared_out_.bytes() +
                     shared_in_.bytes() + told_sums_.bytes() + told_sums_in_.bytes() +
                     told_velocity_.bytes() + told_velocity_in_.bytes());

@@ -23,6 +23,7 @@ void Domain<X, T, D>::link_table() {
             wall_changed_.reserve_discard(nodes);
         }
         if (any(WallPass::all)) wall_seats_.reserve_discard(nodes * (D + 1));
+        if (uplift_.any()) uplift_.list(table_, boundaries_);
     }
     velocity_.reserve_discard(slots * plan_.velocity_channels * block_cells);
     velocity_.zero();

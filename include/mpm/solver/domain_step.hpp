@@ -78,20 +78,21 @@ void Domain<X, T, D>::run_sensors() {
     Clock* clock = clock_buffer_.data();
     const SamplePoints<Grid, Sum, D> points = sample_points();
     const bool loads = sensors_.load_count() > 0;
+    const bool lifts = uplift_.any() && (loads || sensors_.contact_count() > 0 || rigid_.any());
+    if (lifts) uplift_.raise(node, boundaries_);
     if (loads && contact_blocks_ > 0)
         exec_.template sum_each<load_columns<D>>(
             sensors_.measured(),
             MeasureLoads<Grid, Sum, D, true>{node, sensors_.measured_slots(), sensors_.load_cells(),
-                                             spec_.cell_size, sensors_.scales(),
-                                             boundaries_.known(), wall_seats(), contact_view()},
+                                             sensors_.scales(), boundaries_.known(), wall_seats(),
+                                             contact_view()},
             sensors_.take_load(clock), sensors_.load_partial(), 0, Nothing{});
     const int points_here = share_ || !sampling_ ? 0 : sensors_.point_count();
     if ((loads || points_here > 0) && contact_blocks_ == 0) {
         exec_.template sum_each<load_columns<D>>(
             sensors_.measured(),
             MeasureLoads<Grid, Sum, D>{node, sensors_.measured_slots(), sensors_.load_cells(),
-                                       spec_.cell_size, sensors_.scales(), boundaries_.known(),
-                                       wall_seats()},
+                                       sensors_.scales(), boundaries_.known(), wall_seats()},
             sensors_.take_load(clock), sensors_.load_partial(), points_here, points);
     } else if (points_here > 0) {
         exec_.for_each_large(points_here, points);
@@ -106,6 +107,16 @@ void Domain<X, T, D>::run_sensors() {
                                           sensors_.scales()},
             sensors_.take_contact(clock), sensors_.contact_partial(), 0, Nothing{});
     tell_rigid_loads();
+    if (lifts) {
+        uplift_.lower(node, boundaries_);
+        if (loads)
+            exec_.template sum_each<load_columns<D>>(
+                sensors_.measured(),
+                uplift_.measured(node, boundaries_, sensors_.measured_slots(),
+                                 sensors_.load_cells(), sensors_.scales()),
+                AddToLoad<D>{sensors_.take_load(clock).impulse}, sensors_.load_partial(), 0,
+                Nothing{});
+    }
     if (!sampling_) return;
     run_tallies();
     if (share_) {

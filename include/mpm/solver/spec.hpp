@@ -219,6 +219,7 @@ struct BoundarySpec {
     bool is_box = false;
     SurfaceSpec surface;
     int restricted = -1;           // its bit in `held_by` of the bodies that it is for; -1: for all
+    bool uplift = false;           // water in the gap below these bodies presses on them
     std::vector<double> within;    // lower then upper corner, m, where it acts alone; or empty
     std::vector<double> segments;  // (n, 4) m: parts of the outline of a grid of functions, its law
                                    // that of face 0

@@ -498,6 +498,9 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                            double(!surfaces ? 0
                                   : D == 2  ? sizeof(SurfaceNode<2>)
                                             : sizeof(SurfaceNode<3>)));
+    const bool lifts = std::any_of(spec.boundaries.begin(), spec.boundaries.end(),
+                                   [](const BoundarySpec& b) { return b.uplift; });
+    if (lifts) plan.memory_tables += estimate.touched * block_cells * 4;
     if (plan.shift > 0 || plan.density)
         plan.memory_grid += slots * block_cells * backend.grid_real() * (plan.density ? 2 : 1);
     for (const auto& b : spec.boundaries) {

@@ -41,6 +41,10 @@ void check_ranks(const Spec& spec) {
         if (b.law[0].linear && (b.surface.path.given() || b.surface.turn.given()))
             refuse("linear cells beside the moving surface '" + b.name + "'",
                    "take one rank, or cell=\"held\" for it");
+    for (const BoundarySpec& b : spec.boundaries)
+        if (b.uplift)
+            refuse("uplift on boundary '" + b.name + "', which looks from edge to edge of a base,",
+                   "take one rank, or uplift=False for it");
 }
 
 void check_processes(const Spec& spec) {

@@ -51,6 +51,22 @@
     MPM_CONTACT_PASSES_IN(prefix, T, 2) \
     MPM_CONTACT_PASSES_IN(prefix, T, 3)
 
+// In a unit of their own too: few scenes have water in the gap below what stands on a bed.
+#define MPM_UPLIFT_PASSES_IN(prefix, T, D)                                                      \
+    prefix template void Cuda::for_each<FindUplift<T, Cuda::Sum<T>, D>>(                        \
+        std::int64_t, const FindUplift<T, Cuda::Sum<T>, D>&);                                   \
+    prefix template void Cuda::sum_each<load_columns<D>, MeasureUplift<T, Cuda::Sum<T>, D>,     \
+                                        AddToLoad<D>, Int128, Nothing>(                         \
+        const SumSets&, const MeasureUplift<T, Cuda::Sum<T>, D>&, const AddToLoad<D>&, Int128*, \
+        std::int64_t, const Nothing&);
+#define MPM_UPLIFT_PASSES(prefix)                                                       \
+    MPM_UPLIFT_PASSES_IN(prefix, float, 2)                                              \
+    MPM_UPLIFT_PASSES_IN(prefix, float, 3)                                              \
+    MPM_UPLIFT_PASSES_IN(prefix, double, 2)                                             \
+    MPM_UPLIFT_PASSES_IN(prefix, double, 3)                                             \
+    prefix template void Cuda::for_each<MarkFeet<2>>(std::int64_t, const MarkFeet<2>&); \
+    prefix template void Cuda::for_each<MarkFeet<3>>(std::int64_t, const MarkFeet<3>&);
+
 #define MPM_GRID_PASSES(prefix, T)   \
     MPM_GRID_PASSES_IN(prefix, T, 2) \
     MPM_GRID_PASSES_IN(prefix, T, 3)
@@ -70,6 +86,7 @@ MPM_GRID_PASSES(extern, float)
 MPM_GRID_PASSES(extern, double)
 MPM_CONTACT_PASSES(extern, float)
 MPM_CONTACT_PASSES(extern, double)
+MPM_UPLIFT_PASSES(extern)
 MPM_TURNS(extern)
 
 }  // namespace mpm

@@ -66,7 +66,12 @@ def friction(debris: str, bed: str, state: str = "wet") -> float:
 
 
 def add_bed_friction(
-    scene: Scene, shape: Solid, by_body: Mapping[str, float], name: str = "bed-friction"
+    scene: Scene,
+    shape: Solid,
+    by_body: Mapping[str, float],
+    name: str = "bed-friction",
+    *,
+    uplift: bool = False,
 ) -> tuple[str, ...]:
     """Add friction of a bed on some bodies alone, and return the names of the boundaries.
 
@@ -76,23 +81,27 @@ def add_bed_friction(
     scene     -     -      the scene, whose bed is another boundary, which does not rub
     shape     m     -      the bed's shape
     by_body   1     ≥ 0    μ by name of the body, static and dynamic alike
-    name      -     -      of the boundary; with several μ it is numbered
+    name      -     -      of the boundary; with several it is numbered
+    uplift    -     -      water below the bodies takes its part of their weight; see
+                           `Scene.add_boundary`
     ========  ====  =====  ====================================================================
 
     Friction holds debris and not water, so it is a second boundary in the bed's place, of held
-    nodes, that acts on the share of a node's mass that is of those bodies: bodies of one μ have
-    one. It rubs with what presses on both, to 1 % where the bed's nodes are held, as under solids
-    that have contact; beside lines of linear cells, in bodies that share the water's velocities, it
-    is 8 to 30 % too strong. The bed should let solids go (`boundaries.Separable`). Raises
-    `SceneError`.
+    nodes, that acts on the share of a node's mass that is of those bodies: bodies of one μ, and
+    with uplift of one density, have one. It rubs with what presses on both, to 1 % where the bed's
+    nodes are held, as under solids that have contact; beside lines of linear cells, in bodies that
+    share the water's velocities, it is 8 to 30 % too strong. The bed should let solids go
+    (`boundaries.Separable`). Raises `SceneError`.
     """
-    values = sorted(set(by_body.values()))
+    density = {b.name: float(b.material.parameters()["density"]) for b in scene.bodies}
+    alike = {body: (mu, density.get(body, 0.0) if uplift else 0.0) for body, mu in by_body.items()}
+    kinds = sorted(set(alike.values()))
     made = []
-    for k, mu in enumerate(values, 1):
-        bodies = tuple(b for b, one in by_body.items() if one == mu)
+    for k, (mu, _) in enumerate(kinds, 1):
+        bodies = tuple(b for b, kind in alike.items() if kind == kinds[k - 1])
         made.append(scene.add_boundary(
-            name=name if len(values) == 1 else f"{name}-{k}", shape=shape, bodies=bodies,
-            response=Separable(static_friction=mu, dynamic_friction=mu),
+            name=name if len(kinds) == 1 else f"{name}-{k}", shape=shape, bodies=bodies,
+            response=Separable(static_friction=mu, dynamic_friction=mu), uplift=uplift,
         ))  # fmt: skip
     return tuple(made)
 

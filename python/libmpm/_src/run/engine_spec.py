@@ -385,6 +385,8 @@ def _boundary(scene: SceneData, boundary: Boundary, linear: bool) -> dict[str, A
         if isinstance(response, Prescribed):
             faces[face]["axes"] = response.axes(scene.dimension)
     result: dict[str, Any] = {"name": boundary.name, "kind": "domain"}
+    if boundary.uplift:
+        result["uplift"] = True
     if isinstance(boundary.shape, Outline):
         corner = np.asarray(scene.lower, dtype=np.float64)
         result["segments"] = boundary.shape.segments() - np.concatenate([corner, corner])

@@ -121,6 +121,8 @@ def opened_by(scene: SceneData) -> list[str]:
             found.append(f"boundary '{boundary.name}' moves")
         elif any(isinstance(r, Prescribed) for r in boundary.responses):
             found.append(f"boundary '{boundary.name}' prescribes velocities")
+        elif boundary.uplift:
+            found.append(f"boundary '{boundary.name}' has uplift")
     found += [f"flow '{placed.name}'" for placed in scene.flows]
     if isinstance(scene.gravity, TimeTable):
         found.append("gravity changes with time")

@@ -375,6 +375,7 @@ class SceneData:
         within: Box | None = None,
         spacing: float | None = None,
         bodies: Sequence[str] = (),
+        uplift: bool = False,
     ) -> str:
         """Add a boundary and return its name.
 
@@ -382,11 +383,13 @@ class SceneData:
 
         A `Box` with a layer, a rotation, a spacing or a motion of its shape is a surface too.
 
+        `uplift`: of a bed at rest, of held nodes, for solids of one density (`docs/boundaries.md`).
+
         Raises `SceneError`; `validate` checks what concerns several objects.
         """
         boundary = Boundary(
             name=name, shape=shape, response=response, motion=motion, time=time, layer=layer,
-            rotation=rotation, within=within, spacing=spacing, bodies=bodies,
+            rotation=rotation, within=within, spacing=spacing, bodies=bodies, uplift=uplift,
         )  # fmt: skip
         return _insert(self._boundaries, "boundary", boundary.name, boundary)
 

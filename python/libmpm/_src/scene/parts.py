@@ -227,6 +227,12 @@ class Boundary(Value):
     bodies: Sequence[str] = given(
         "acts on the share of a node's mass that is theirs; () = all", default=(), range="names"
     )
+    uplift: bool = given(
+        "of solids alone: water in the gap between them and a bed presses up on what stands there "
+        "with the pressure beside it, linear between the edges of a base and 0 at a dry one "
+        "(Terzaghi, uplift below dams); False: a base is sealed",
+        default=False,
+    )
 
     def _label(self) -> str:
         return f"boundary {quoted(self.name)}"
@@ -264,6 +270,8 @@ class Boundary(Value):
             check.fail(
                 "response has faces, which a surface of any shape has not; expected one response"
             )
+        if not isinstance(self.uplift, bool):
+            check.fail(f"uplift is {shown(self.uplift)}; expected True or False")
         bodies = (self.bodies,) if isinstance(self.bodies, str) else sequence(self.bodies)
         if bodies is None:
             check.fail(f"bodies is {shown(self.bodies)}; expected names of bodies; give ('block',)")

@@ -1,0 +1,342 @@
+// Water in the gap below what stands on a bed. Solids that touch a bed touch it at few points, and
+// water between these presses up on the whole of their base (as below dams: Terzaghi, uplift). On a
+// grid such a gap is thinner than any cell: no water is there, solids would stand on a dry, sealed
+// base, rub with all of their weight, and never float off. So where a boundary for some bodies asks
+// for it the gap is not resolved but known: pressure is that of the water beside the base, linear
+// between its edges along each axis, nothing where an edge is dry.
+#pragma once
+
+#include "mpm/kernels/sampling.hpp"
+
+namespace mpm {
+
+/// A boundary for some bodies with water in the gap below them.
+struct UpliftRecord {
+    int boundary;
+    double full;  // mass of a node of the row of cells on the bed where a body covers it, kg
+};
+/// One word has a bit for each that a node lies above.
+inline constexpr int most_uplifts = 32;
+
+/// Part of a node half a cell above a plane that lies above the plane, and the mean height of that
+/// part in cells: of quadratic splines, with s from the plane, ∫ N(s - 1/2) ds and ∫ s N ds over
+/// it.
+inline constexpr double above_bed = 5.0 / 6, height_above_bed = 0.65;
+
+template <int D>
+struct UpliftView {
+    const UpliftRecord* records;
+    int count;
+    const GroupPressure* pressures;  // of fluids
+    int pressure_count;
+    // (fields,): 1 where a field of velocities is of solids alone; null without contacts.
+    const std::int32_t* solid_fields;
+    std::int64_t cells[D];  // of the domain
+};
+
+/// Does a boundary hold a node that gravity pulls? `up` is the axis `axis` with its sign, against
+/// gravity.
+template <int D>
+MPM_INLINE bool holds_up(const BoundaryView<D>& all, int boundary, const std::int64_t (&cell)[D],
+                         int axis, int up) {
+    Vec<double, D> v{};
+    v[axis] = -up;
+    apply_boundary<true>(all, boundary, cell, BoundAxes<D>{}, v, NothingSeen{}, false);
+    return absolute(v[axis]) < 0.5;
+}
+/// Where a node lies that a boundary may hold up: in the row of cells on a bed, deeper, or neither.
+enum class OnBed { none, foot, inside };
+template <int D>
+MPM_INLINE OnBed on_bed_of(const BoundaryView<D>& all, int boundary, const std::int64_t (&cell)[D],
+                           int axis, int up) {
+    if (!holds_up<D>(all, boundary, cell, axis, up)) return OnBed::none;
+    std::int64_t above[D];
+    for (int a = 0; a < D; ++a) above[a] = cell[a] + (a == axis ? up : 0);
+    return holds_up<D>(all, boundary, above, axis, up) ? OnBed::inside : OnBed::foot;
+}
+
+/// Which records each node of the listed blocks is a foot of.
+template <int D>
+struct MarkFeet {
+    BlockTableView<D> table;
+    BoundaryView<D> boundaries;
+    const std::int32_t* blocks;
+    const UpliftRecord* records;
+    int count;
+    int axis, up;
+    std::uint32_t* mask;  // (blocks, nodes)
+    std::uint32_t* flag;  // the same: 1 where any
+
+    MPM_INLINE void operator()(std::int64_t i) const {
+        const std::int32_t slot = blocks[i / block_cells];
+        int at[D];
+        Block<D>::coordinates(int(i % block_cells), at);
+        std::int64_t cell[D];
+        for (int a = 0; a < D; ++a) cell[a] = table.corners[std::int64_t(slot) * D + a] + at[a];
+        std::uint32_t found = 0;
+        for (int k = 0; k < count; ++k)
+            if (on_bed_of<D>(boundaries, records[k].boundary, cell, axis, up) == OnBed::foot)
+                found |= std::uint32_t(1) << k;
+        mask[i] = found;
+        flag[i] = found != 0;
+    }
+};
+
+/// Impulses of the water in the gap on one node.
+template <class T, class Sum, int D>
+struct NodeUplift {
+    NodeUpdate<T, Sum, D> node;
+    KnownNodes<D> known;  // which of them are on lines
+    UpliftView<D> uplift;
+    int axis, up;
+
+    /// What stands and what flows at the nodes of a cell.
+    struct Place {
+        double solid = 0, water = 0;  // kg
+        double full = 0;              // of a node in the midst of the water, kg
+        double pressure = 0;          // mean of the water there, Pa
+    };
+    MPM_INLINE Place at(const std::int64_t (&cell)[D]) const {
+        Place found;
+        const Clock& clock = *node.clock;
+        each_field_of_node<D>(node.grid.table, cell, [&](std::int32_t slot, int n) {
+            const Sum* s = node.sums(slot, n);
+            double all = from_sum<double>(s[0], clock.unit_read[mass_sum]);
+            if (of_solids(slot)) {
+                found.solid += all;
+                return;
+            }
+            for (int k = 0; k < uplift.pressure_count; ++k) {
+                const GroupPressure& g = uplift.pressures[k];
+                const double mass =
+                    from_sum<double>(s[g.weight * block_cells], clock.unit_read[mass_sum]);
+                if (!(mass > 0)) continue;
+                all -= mass;
+                found.water += mass;
+                found.full = g.full;
+                const double j =
+                    from_sum<double>(s[g.sum * block_cells], clock.unit_read[group_sum]) / mass;
+                const double p = j > 0 && j < 1 ? g.at(j) : 0.0;
+                if (p > found.pressure) found.pressure = p;
+            }
+            found.solid += all > 0 ? all : 0;
+        });
+        return found;
+    }
+    /// Of the water in a cell, on the bed of a boundary, Pa; where there is none the water's own.
+    MPM_INLINE double on_bed(const std::int64_t (&cell)[D], const Place& lowest,
+                             int boundary) const {
+        if (!(lowest.water > 0)) return 0;
+        double taken = 0;
+        const OnBed where = on_bed_of<D>(node.boundaries, boundary, cell, axis, up);
+        return where == OnBed::foot && takes_from_water(cell, taken)
+                   ? taken / (area(node.boundaries.cell_size) * node.clock->dt)
+                   : on_lined_bed(cell, lowest);
+    }
+    /// Whether nodes are held where the water meets the bed, and what that takes of the water above
+    /// in this step, N s: what the bed bears. Volumes beside held nodes say nothing, since held
+    /// nodes need no balance of forces, and what is in motion strains cells there as it likes
+    /// (design/walls.md, 8).
+    MPM_INLINE bool takes_from_water(const std::int64_t (&cell)[D], double& taken) const {
+        bool lined = false;
+        for (int row = 0; row < 2; ++row) {
+            std::int64_t at[D];
+            for (int a = 0; a < D; ++a) at[a] = cell[a] - (a == axis ? row * up : 0);
+            each_field_of_node<D>(node.grid.table, at, [&](std::int32_t slot, int n) {
+                if (of_solids(slot)) return;
+                // Along gravity, in the row of cells on the bed: lines towards other walls change
+                // nothing there.
+                if (row == 0 && node.touched[slot] && known.asks)
+                    lined = lined || known.lines[known.place(slot, n) * D + axis] != 0;
+                const Sum* s = node.sums(slot, n);
+                const double mass = from_sum<double>(s[0], node.clock->unit_read[mass_sum]);
+                const double to_bed = -up * (from_sum<double>(s[(1 + axis) * block_cells],
+                                                              node.clock->unit_read[momentum_sum]) +
+                                             mass * node.clock->gravity[axis] * node.clock->dt);
+                taken += to_bed > 0 ? to_bed : 0;
+            });
+        }
+        return !lined;
+    }
+    /// The same between lines of linear cells, where cells are strained rightly: the mean of the
+    /// second row of nodes, where water reaches that high, and the weight of what lies below it.
+    MPM_INLINE double on_lined_bed(const std::int64_t (&cell)[D], const Place& lowest) const {
+        std::int64_t above[D];
+        for (int a = 0; a < D; ++a) above[a] = cell[a] + (a == axis ? up : 0);
+        const Place second = at(above);
+        const bool high = second.water > 0.5 * lowest.full;
+        const Place& of = high ? second : lowest;
+        const double part = of.water / ((high ? 1.0 : above_bed) * of.full);
+        const double fills = part < 1 ? part : 1.0;
+        const double height = high ? 0.6 + 0.9 * fills : height_above_bed * fills;
+        return of.pressure + of.full * absolute(node.clock->gravity[axis]) * height /
+                                 area(node.boundaries.cell_size);
+    }
+    MPM_INLINE bool of_solids(std::int32_t slot) const {
+        const BlockTableView<D>& table = node.grid.table;
+        return uplift.solid_fields && uplift.solid_fields[table.keys_of.field(table.keys[slot])];
+    }
+    /// Of a face of a cell, m² (m in the plane).
+    MPM_INLINE static double area(double cell_size) {
+        double all = 1;
+        for (int a = 1; a < D; ++a) all *= cell_size;
+        return all;
+    }
+    /// At an edge, whose first node that no base covers is given. The body fills a sixth of that
+    /// one still, and weighs on the bed there: so the next one's, if water alone is at it.
+    MPM_INLINE double beside_edge(const std::int64_t (&cell)[D], const Place& first, int along,
+                                  int side, double covered, int boundary) const {
+        std::int64_t next[D];
+        for (int a = 0; a < D; ++a) next[a] = cell[a] + (a == along ? side : 0);
+        if (next[along] >= 0 && next[along] < uplift.cells[along]) {
+            const Place p = at(next);
+            if (p.water > 0 && p.solid < 0.1 * covered) return on_bed(next, p, boundary);
+        }
+        return on_bed(cell, first, boundary);
+    }
+    /// Below a base at this place: between its edges on both sides along each axis, Pa. `covered`:
+    /// solid mass from which on a base covers a node, kg. Walls close a base.
+    MPM_INLINE double in_gap(const std::int64_t (&cell)[D], int boundary, double covered) const {
+        double sum = 0, weight = 0;
+        for (int a = 0; a < D; ++a) {
+            if (a == axis) continue;
+            for (int side = -1; side < 2; side += 2) {
+                std::int64_t there[D];
+                for (int c = 0; c < D; ++c) there[c] = cell[c];
+                for (int k = 1;; ++k) {
+                    there[a] += side;
+                    if (there[a] < 0 || there[a] >= uplift.cells[a]) break;
+                    const Place p = at(there);
+                    if (p.solid > covered) continue;
+                    // Where the bed rises, nothing is and nothing can be; where it ends a base has
+                    // an edge, wet or dry.
+                    if (!(p.water > 0) &&
+                        on_bed_of<D>(node.boundaries, boundary, there, axis, up) == OnBed::inside)
+                        break;
+                    const double near = 1 / (k - 0.5);
+                    sum += near * beside_edge(there, p, a, side, covered, boundary);
+                    weight += near;
+                    break;
+                }
+            }
+        }
+        return weight > 0 ? sum / weight : 0;
+    }
+    /// Along `axis`, of a record at a node that is a foot of it, N s.
+    MPM_INLINE double operator()(std::int32_t slot, int n, const UpliftRecord& r) const {
+        const BoundaryRecord<D>& b = node.boundaries.records[r.boundary];
+        if (!b.active) return 0;
+        const double mass = node.part_of(node.sums(slot, n), b.share);
+        if (!(mass > 0)) return 0;
+        std::int64_t cell[D];
+        node.cell(slot, n, cell);
+        const double stands = mass < r.full ? mass / r.full : 1.0;
+        return up * stands * in_gap(cell, r.boundary, 0.25 * r.full) *
+               area(node.boundaries.cell_size) * node.clock->dt;
+    }
+};
+
+/// Finds what the gaps add to the momenta of the nodes above them, and keeps these as they are and
+/// with it.
+template <class T, class Sum, int D>
+struct FindUplift {
+    NodeUplift<T, Sum, D> of;
+    const std::int32_t* blocks;
+    const std::int32_t* feet;   // by (listed block, node)
+    const std::uint32_t* mask;  // (blocks, nodes)
+    Sum *before, *with;         // (feet,)
+
+    MPM_INLINE void operator()(std::int64_t k) const {
+        const NodeUpdate<T, Sum, D>& node = of.node;
+        if (node.clock->halt != Halt::none) return;
+        const std::int32_t i = feet[k];
+        const std::int32_t slot = blocks[i / block_cells];
+        const int n = i % block_cells;
+        double impulse = 0;
+        for (int r = 0; r < of.uplift.count; ++r)
+            if (mask[i] >> r & 1) impulse += of(slot, n, of.uplift.records[r]);
+        const Sum p = node.sums(slot, n)[(1 + of.axis) * block_cells];
+        before[k] = p;
+        if constexpr (std::is_integral_v<Sum>)
+            with[k] = p + Sum(rint(impulse / node.clock->unit_read[momentum_sum]));
+        else
+            with[k] = p + Sum(impulse);
+    }
+};
+
+/// Whether the nodes are to have what the gaps add: while no clock has halted.
+struct MayLift {
+    const Clock* clock;
+    std::uint32_t* lifted;
+    MPM_INLINE void operator()() const { *lifted = clock->halt == Halt::none; }
+};
+struct NotLifted {
+    std::uint32_t* lifted;
+    MPM_INLINE void operator()() const { *lifted = 0; }
+};
+
+/// Gives the nodes the sums with what the gaps add, or takes that away again: checkpoints keep the
+/// sums without, and a reader's velocities begin with these. Nothing where they have not been
+/// lifted.
+template <class T, class Sum, int D>
+struct SetFeet {
+    GridView<T, Sum, D> grid;
+    const std::int32_t* blocks;
+    const std::int32_t* feet;
+    const Sum* from;
+    const std::uint32_t* lifted;
+    int axis;
+
+    MPM_INLINE void operator()(std::int64_t k) const {
+        if (*lifted == 0) return;
+        const std::int32_t i = feet[k];
+        grid.sums[(std::int64_t(blocks[i / block_cells]) * grid.sum_channels + 1 + axis) *
+                      block_cells +
+                  i % block_cells] = from[k];
+    }
+};
+
+/// What the water in a gap presses on the bed below it counts for the load cell of the boundary
+/// that has the gap: the boundary itself takes that much less.
+template <class T, class Sum, int D>
+struct MeasureUplift {
+    NodeUplift<T, Sum, D> of;
+    const std::uint32_t* touched;  // (slots,): 1 + place among the listed blocks
+    const std::uint32_t* mask;     // (listed blocks, nodes)
+    const std::int32_t* slots;     // blocks that the boundaries of load cells touch
+    const LoadCellRecord<D>* cells;
+    ImpulseScales scales;
+
+    /// Of a load cell; -1 where its boundary has no gap, or it hears nothing of the face that has.
+    MPM_INLINE int record_of(int number) const {
+        const LoadCellRecord<D>& cell = cells[number];
+        const bool top = bool(of.node.boundaries.records[cell.boundary].is_box) == (of.up > 0);
+        if (!(cell.faces >> (2 * of.axis + top) & 1)) return -1;
+        for (int r = 0; r < of.uplift.count; ++r)
+            if (of.uplift.records[r].boundary == cell.boundary) return r;
+        return -1;
+    }
+    MPM_INLINE bool idle(int number) const { return record_of(number) < 0; }
+    MPM_INLINE void operator()(std::int64_t i, int number, Int128* sum) const {
+        if (of.node.clock->halt != Halt::none) return;
+        const std::int32_t slot = slots[i / block_cells];
+        const int n = int(i % block_cells), r = record_of(number);
+        const std::uint32_t listed = touched[slot];
+        if (r < 0 || listed == 0 || !(mask[std::int64_t(listed - 1) * block_cells + n] >> r & 1))
+            return;
+        double f[D] = {};
+        f[of.axis] = -of(slot, n, of.uplift.records[r]);
+        add_load<D>(of.node, slot, n, cells[number], f, scales, sum);
+    }
+};
+
+/// Adds to what a load cell has of this step.
+template <int D>
+struct AddToLoad {
+    Int128* impulse;  // (cells, columns)
+    MPM_INLINE void operator()(int number, const Int128* sum) const {
+        for (int c = 0; c < load_columns<D>; ++c) impulse[number * load_columns<D> + c] += sum[c];
+    }
+};
+
+}  // namespace mpm

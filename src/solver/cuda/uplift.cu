@@ -1,0 +1,7 @@
+#include "grid_passes.cuh"
+
+namespace mpm {
+
+MPM_UPLIFT_PASSES()
+
+}  // namespace mpm

@@ -1,0 +1,189 @@
+"""Water in the gap below what stands on a bed: weight, friction, flotation, and what has none.
+
+Expected duration: 25 s.
+"""
+# ruff: noqa: F811  the fixture `device` is imported
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import libmpm
+from libmpm import boundaries, flumes, materials, shapes
+from support.branches import assert_same
+from support.devices import device  # noqa: F401
+from support.uplift_scenes import GRAVITY, HALF, HIGH, loads, tank
+
+
+def area(dimension: int) -> float:
+    return (2 * HALF) ** (dimension - 1)
+
+
+@pytest.mark.parametrize(
+    ("dimension", "cell", "contact"),
+    [(2, 0.0125, False), (2, 0.00625, False), (2, 0.025, False), (3, 0.0125, False),
+     (2, 0.0125, True)],
+)  # fmt: skip
+def test_water_takes_its_part_of_the_weight(dimension, cell, contact, device):
+    """Uplift is p A of the water's depth, and bed and gap together bear all of the weight."""
+    given: dict[str, Any] = {"dimension": dimension, "contact": contact, "density": 1500.0}
+    depth = 0.045
+    sim = libmpm.Simulation(tank(cell, depth=depth, **given), device=device, threads=1)
+    sim.run(until=0.8, progress=False)
+    lifted = -loads(sim, "bed-friction", 0.6)[1]
+    # Water beside solids with velocities of their own is not at rest yet.
+    bound = 0.05 if contact else 0.02
+    assert lifted == pytest.approx(1000 * GRAVITY * depth * area(dimension), rel=bound)
+    weight = GRAVITY * sum(float(np.sum(sim.particles[b]["mass"])) for b in sim.particles)
+    borne = -loads(sim, "bed", 0.6)[1]
+    assert borne + lifted == pytest.approx(weight, rel=2e-3)
+    # As sealed as it was.
+    sim = libmpm.Simulation(tank(cell, uplift=False, **given), device=device, threads=1)
+    sim.run(until=0.8, progress=False)
+    assert loads(sim, "bed-friction", 0.6)[1] == pytest.approx(0.0, abs=1e-3 * weight)
+
+
+@pytest.mark.parametrize(("density", "depth"), [(1500.0, 0.045), (987.0, 0.03)])
+def test_friction_is_that_of_what_is_left_of_the_weight(density, depth):
+    """μ (W - U), U as measured: with μ 0.4 within a tenth while the block slides."""
+    sim = libmpm.Simulation(tank(density=density, depth=depth, speed=0.2), device="cpu", threads=1)
+    sim.run(until=0.05, progress=False)
+    along, down = loads(sim, "bed-friction", 0.02)
+    pressed = density * GRAVITY * HIGH * 2 * HALF + down
+    assert pressed < 0.7 * density * GRAVITY * HIGH * 2 * HALF
+    assert along / pressed == pytest.approx(0.4, rel=0.1)
+    assert sim.particles["debris-1"]["velocity"][:, 0].mean() > 0
+
+
+def way(scene: libmpm.Scene, until: float) -> tuple[float, float]:
+    """How far the block has gone along the flow and up, m."""
+    sim = libmpm.Simulation(scene, device="cpu", threads=1)
+    before = sim.particles["debris-1"]["position"].mean(axis=0)
+    sim.run(until=until, progress=False)
+    x, z = sim.particles["debris-1"]["position"].mean(axis=0) - before
+    return float(x), float(z)
+
+
+def test_what_is_lighter_than_water_comes_off_the_bed():
+    """Friction of 1 holds it where its base is sealed, and not where water is below it."""
+    light = {"density": 300.0, "friction": 1.0, "speed": 0.2}
+    free, sealed = (way(tank(uplift=u, **light), 0.3) for u in (True, False))
+    assert free[0] > 2 * sealed[0]
+    assert free[1] > 0.002 > 10 * abs(sealed[1])
+    # What is heavier stays.
+    assert abs(way(tank(density=1500.0), 0.3)[1]) < 5e-4
+
+
+def test_one_dry_side_has_half_of_it():
+    """Water held back on one side: p falls to nothing on the other, U = p A / 2."""
+    lifted = []
+    for end in (0.3, 0.0):
+        scene = tank(density=3000.0, beside=(-0.3, end), friction=2.0)
+        sim = libmpm.Simulation(scene, device="cpu", threads=1)
+        sim.run(until=0.3, progress=False)
+        lifted.append(-loads(sim, "bed-friction", 0.2)[1])
+    assert lifted[1] == pytest.approx(0.5 * lifted[0], rel=0.02)
+
+
+def test_where_the_bed_ends_a_dry_edge_has_nothing():
+    """`within` ends beside the block: as on a bed that goes on."""
+    lifted = []
+    for end in (None, HALF + 0.005):
+        scene = tank(density=3000.0, beside=(-0.3, 0.0), friction=2.0)
+        if end is not None:
+            here = shapes.Box(lower=(-1.0, -1.0), upper=(end, 1.0))
+            scene.replace("bed-friction", kind="boundary", within=here)
+        sim = libmpm.Simulation(scene, device="cpu", threads=1)
+        sim.run(until=0.3, progress=False)
+        lifted.append(-loads(sim, "bed-friction", 0.2)[1])
+    assert lifted[1] == pytest.approx(lifted[0], rel=0.02)
+
+
+def test_a_load_cell_hears_of_the_face_that_it_is_of():
+    scene = tank(density=3000.0)
+    for name, face in (("top", "y+"), ("side", "x-")):
+        cell = libmpm.sensors.LoadCell(boundary="bed-friction", faces=(face,), interval=0.002)
+        scene.add_sensor(name=name, sensor=cell)
+    sim = libmpm.Simulation(scene, device="cpu", threads=1)
+    sim.run(until=0.1, progress=False)
+    assert loads(sim, "side")[1] == 0.0
+    assert loads(sim, "top")[1] == loads(sim, "bed-friction")[1] < -30
+
+
+def test_a_dry_bed_has_the_bits_of_one_without(device):
+    """Where no water is near, nothing changes; where it is, it does."""
+    made = []
+    for uplift in (True, False):
+        scene = tank(beside=(-0.3, -0.2), depth=0.02, uplift=uplift)
+        made.append(libmpm.Simulation(scene, device=device, threads=1))
+        made[-1].step(20)
+    assert_same(*made)
+    wet = [libmpm.Simulation(tank(uplift=u), device=device, threads=1) for u in (True, False)]
+    for sim in wet:
+        sim.step(20)
+    a, b = (sim.particles["debris-1"]["position"] for sim in wet)
+    assert np.abs(a - b).max() > 1e-6
+
+
+@pytest.mark.parametrize("scheme", ["APIC", "AFLIP"])
+def test_readers_and_checkpoints_change_no_bit(tmp_path, device, scheme):
+    """What the gap adds is not in the sums that a reader or a checkpoint sees."""
+    scene = tank()
+    data = scene.to_dict()
+    told: dict[str, Any] = {"scheme": scheme} | ({"flip": 0.95} if scheme == "AFLIP" else {})
+    data["method"]["transfer"] = libmpm.methods.Transfer(**told).to_dict()
+    scene = libmpm.Scene.from_dict(data)
+    plain, read = (libmpm.Simulation(scene, device=device, threads=1) for _ in range(2))
+    plain.step(60)
+    for _ in range(30):
+        read.step(1)
+        assert np.isfinite(read.particles["debris-1"]["velocity"]).all()
+    read.save_checkpoint(tmp_path / "half.npz")
+    read.step(30)
+    resumed = libmpm.Simulation.resume(tmp_path / "half.npz", device=device)
+    resumed.step(30)
+    assert_same(plain, read)
+    assert_same(plain, resumed)
+
+
+def refused(message: str, **changes: Any) -> None:
+    scene = tank()
+    with pytest.raises(libmpm.SceneError, match=message):
+        scene.replace("bed-friction", kind="boundary", **changes)
+        scene.validate()
+
+
+def test_refusals():
+    refused("uplift is 1; expected True or False", uplift=1)
+    refused("uplift is True for all bodies; expected solids alone", bodies=())
+    refused("uplift is True with body 'water', a fluid", bodies=("water",))
+    moving = libmpm.boundaries.Displacement(libmpm.TimeTable([0, 1], [(0, 0), (0.1, 0)]))
+    refused("uplift is True of a boundary that moves; expected one at rest", motion=moving)
+    scene = tank()
+    scene.replace("water", kind="body", fbar=None)
+    with pytest.raises(libmpm.SceneError, match="fluids whose volumes are averaged"):
+        scene.validate()
+    refused("uplift is True of a Sticky boundary", response=boundaries.Sticky())
+    plane = shapes.HalfSpace(point=(0.0, 0.0), normal=(0.0, 1.0))
+    refused("uplift is True beside boundary 'bed-friction', a surface", shape=plane)
+    with pytest.raises(libmpm.SceneError, match="uplift on boundary 'bed-friction'"):
+        libmpm.Simulation(tank(), device=["cpu", "cpu"]).step(1)
+
+
+def test_bodies_of_one_friction_and_two_densities_have_two_boundaries():
+    scene = tank()
+    scene.add_body(
+        name="wood", shape=shapes.Box(lower=(0.2, 0.0), upper=(0.25, 0.05)),
+        material=materials.FixedCorotated(density=648.0, youngs_modulus=3e4, poissons_ratio=0.4),
+    )  # fmt: skip
+    bed = next(b.shape for b in scene.boundaries if b.name == "bed")
+    both = {"debris-1": 0.4, "wood": 0.4}
+    names = flumes.add_bed_friction(scene, bed, both, "rough", uplift=True)
+    assert names == ("rough-1", "rough-2")
+    assert flumes.add_bed_friction(scene, bed, both, "one") == ("one",)
+    with pytest.raises(libmpm.SceneError, match="expected one density; give a boundary for each"):
+        scene.replace("bed-friction", kind="boundary", bodies=("debris-1", "wood"))
+        scene.validate()

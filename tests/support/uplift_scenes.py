@@ -1,0 +1,78 @@
+"""A block that stands on the bed of a tank, with water beside it and in the gap below."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import libmpm
+from libmpm import boundaries, flumes, materials, shapes
+from libmpm._src.flumes.structures import add_contacts
+
+K = 1e5
+GRAVITY = 9.81
+HIGH = 0.05
+#: Half of the block's edges along the flow and across it, m.
+HALF = 0.05
+DENSITY = 987.0
+
+
+def tank(
+    cell: float = 0.0125,
+    *,
+    dimension: int = 2,
+    density: float = DENSITY,
+    depth: float = 0.045,
+    uplift: bool = True,
+    friction: float = 0.4,
+    speed: float = 0.0,
+    contact: bool = False,
+    beside: tuple[float, float] = (-0.3, 0.3),
+) -> libmpm.Scene:
+    """A block on the bed of a tank, water between two x beside it."""
+    flat = dimension == 2
+    wide = () if flat else (0.15,)
+
+    def box(lower: tuple[float, ...], upper: tuple[float, ...]) -> shapes.Box:
+        (x, z), (u, w) = (lower[0], lower[-1]), (upper[0], upper[-1])
+        y = lower[1:-1] or tuple(-a for a in wide)
+        v = upper[1:-1] or wide
+        return shapes.Box(lower=(x, *y, z), upper=(u, *v, w))
+
+    scene = libmpm.Scene(
+        dimension=dimension, cell_size=cell, lower=(-0.3, *(-a for a in wide), -2 * cell),
+        upper=(0.3, *wide, 0.15), gravity=(0.0,) * (dimension - 1) + (-GRAVITY,),
+    )  # fmt: skip
+    modulus = 0.4667 * density * K / 1000
+    y = () if flat else (HALF,)
+    block = box((-HALF, *(-a for a in y), 0.0), (HALF, *y, HIGH))
+    scene.add_body(
+        name="debris-1", shape=block, velocity=(speed,) + (0.0,) * (dimension - 1),
+        material=materials.FixedCorotated(
+            density=density, youngs_modulus=modulus, poissons_ratio=0.4
+        ),
+    )  # fmt: skip
+    water = box((beside[0], 0.0), (beside[1], depth))
+    scene.add_body(
+        name="water", shape=shapes.Difference(whole=water, without=block), hydrostatic=depth,
+        material=materials.TaitFluid(bulk_modulus=K),
+    )  # fmt: skip
+    bed = box((-1.0, *(-1.0 for _ in wide), -1.0), (1.0, *(1.0 for _ in wide), 0.0))
+    scene.add_boundary(name="bed", shape=bed, response=boundaries.Separable(cell="held"))
+    sides = ("x-", "x+") if flat else ("x-", "x+", "y-", "y+")
+    scene.add_boundary(
+        name="walls", shape=shapes.DomainWalls(faces=sides), response=boundaries.Slip()
+    )
+    flumes.add_bed_friction(scene, bed, {"debris-1": friction}, uplift=uplift)
+    if contact:
+        add_contacts(scene, 0.3)
+    for name in ("bed", "bed-friction"):
+        scene.add_sensor(name=name, sensor=libmpm.sensors.LoadCell(boundary=name, interval=0.002))
+    return scene
+
+
+def loads(sim: libmpm.Simulation, name: str, begin: float = 0.0) -> np.ndarray:
+    """Mean force along the flow and down, N."""
+    series = sim.sensors[name]
+    last = "force_y" if "force_z" not in series.components else "force_z"
+    rows = np.asarray(series.time) > begin
+    return np.array([np.asarray(series[c])[rows].mean() for c in ("force_x", last)])
