@@ -6,6 +6,7 @@ Expected duration: 25 s.
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -187,3 +188,20 @@ def test_bodies_of_one_friction_and_two_densities_have_two_boundaries():
     with pytest.raises(libmpm.SceneError, match="expected one density; give a boundary for each"):
         scene.replace("bed-friction", kind="boundary", bodies=("debris-1", "wood"))
         scene.validate()
+
+
+@pytest.mark.parametrize(
+    ("changes", "warned"),
+    [({"uplift": False}, True), ({}, False), ({"uplift": False, "contact": True}, False),
+     ({"uplift": False, "density": 1500.0}, False)],
+)  # fmt: skip
+def test_a_sealed_base_is_warned_of(changes, warned):
+    """Of what is lighter than the water, and shares its velocity."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        tank(**changes).validate()
+    sealed = [str(w.message) for w in said if "its base is sealed" in str(w.message)]
+    assert bool(sealed) == warned
+    if warned:
+        (one,) = sealed
+        assert "body 'debris-1': stands on boundary 'bed'" in one and "uplift=True" in one

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from libmpm._src.boundaries.responses import Mirror, Slip, Sticky
+from libmpm._src.boundaries.responses import Mirror, Response, Separable, Slip, Sticky
 from libmpm._src.errors import SceneError
 from libmpm._src.grids.shapes import Outline
 from libmpm._src.materials.rigid import Rigid
@@ -22,17 +22,22 @@ if TYPE_CHECKING:
 __all__ = ["held_down"]
 
 #: Off their faces nothing comes.
-_HOLD = (Slip, Sticky, Mirror)
+_HOLD: tuple[type[Response], ...] = (Slip, Sticky, Mirror)
 #: Cells above a face within which its nodes hold what lies there.
 _REACH = 1.0
 
 
 def held_down(scene: SceneData) -> list[str]:
-    """Return which solids lighter than a fluid lie on a face off which nothing comes."""
+    """Return which solids lighter than a fluid lie on a face off which nothing comes.
+
+    Also which stand on one that lets go with a sealed base, as all do that share the velocity of
+    the water at nodes, but for those with uplift.
+    """
     gravity = initial_gravity(scene)
     if not np.any(gravity):
         return []
     axis = int(np.argmax(np.abs(gravity)))
+    down = float(np.sign(gravity[axis]))
     density = {b.name: float(b.material.parameters()["density"]) for b in scene.bodies}
     fluids = [b for b in scene.bodies if b.material.table.stores_volume]
     if not fluids:
@@ -42,27 +47,45 @@ def held_down(scene: SceneData) -> list[str]:
     light = [b for b in scene.bodies
              if not b.material.table.stores_volume and not isinstance(b.material, Rigid)
              and not b.pins and density[b.name] < density[heaviest.name]]  # fmt: skip
-    found = []
+    lifted = {name for b in scene.boundaries if b.uplift for name in b.bodies}
+    found, told = [], set(lifted)
     for boundary in scene.boundaries:
         if not boundary.at_rest or boundary.time is not None or boundary.within is not None:
             continue
-        on = [b for b in light
-              if (not boundary.bodies or b.name in boundary.bodies)
-              and _lies_on(scene, b, boundary, axis, float(np.sign(gravity[axis])))]  # fmt: skip
-        if not on:
+        here = [b for b in light if not boundary.bodies or b.name in boundary.bodies]
+        on = [b for b in here if _lies_on(scene, b, boundary, axis, down, _HOLD)]
+        sealed = [b for b in here
+                  if not scene.contacts and b.name not in told
+                  and _lies_on(scene, b, boundary, axis, down, (Separable,))]  # fmt: skip
+        told |= {b.name for b in sealed}
+        if not on and not sealed:
             continue
-        first, more = on[0].name, f" (and {len(on) - 1} more)" if len(on) > 1 else ""
+        first, more = (on or sealed)[0].name, len(on or sealed) - 1
+        who = f"body '{first}'" + (f" (and {more} more)" if more else "")
+        weights = (f"is lighter than '{heaviest.name}' ({density[first]:g} of "
+                   f"{density[heaviest.name]:g} kg/m³)")  # fmt: skip
         found.append(
-            f"body '{first}'{more}: lies on boundary '{boundary.name}', off whose face nothing "
-            f"comes, and is lighter than '{heaviest.name}' ({density[first]:g} of "
-            f"{density[heaviest.name]:g} kg/m³): water that reaches it does not lift it; expected "
-            "a face that lets go; use boundaries.Separable there"
-        )
+            f"{who}: lies on boundary '{boundary.name}', off whose face nothing comes, and "
+            f"{weights}: water that reaches it does not lift it; expected a face that lets go; use "
+            "boundaries.Separable there"
+            if on else
+            f"{who}: stands on boundary '{boundary.name}' and {weights}, whose velocity it shares "
+            "at nodes: its base is sealed, so that it rubs with all of its weight and does not "
+            "float off; expected uplift=True of a boundary for it, which Box and DomainWalls can "
+            "have, or a contact with the fluid"
+        )  # fmt: skip
     return found
 
 
-def _lies_on(scene: SceneData, body: Body, boundary: Boundary, axis: int, down: float) -> bool:
-    """Return whether a body begins within a cell above a face that nothing comes off."""
+def _lies_on(
+    scene: SceneData,
+    body: Body,
+    boundary: Boundary,
+    axis: int,
+    down: float,
+    responses: tuple[type[Response], ...],
+) -> bool:
+    """Return whether a body begins within a cell above a face with one of the responses."""
     shape, solid = body.shape, boundary.shape
     if not isinstance(shape, Solid | GivenPoints) or isinstance(solid, Outline):
         return False
@@ -77,7 +100,7 @@ def _lies_on(scene: SceneData, body: Body, boundary: Boundary, axis: int, down: 
     face = faces_of(scene.dimension)[2 * axis + (side if walls else 1 - side)]
     if walls and face not in faces_present(scene, boundary):
         return False
-    if not isinstance(boundary.response_at(face), _HOLD):
+    if not isinstance(boundary.response_at(face), responses):
         return False
     if isinstance(solid, DomainWalls):
         wall = (scene.lower, scene.upper)[side][axis]
