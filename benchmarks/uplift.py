@@ -3,8 +3,8 @@
     python benchmarks/uplift.py [--output FILE] [--only NAME]
 
 A block of 10 by 5 cm (10 by 10 by 5 in space) stands in a tank, water beside it, held nodes,
-K 0.1 MPa, one thread. `pressed`: uplift over ρ g d A, mean of 0.2 s after 0.5 s, and of those
-moments the largest rise; `lifted`: rise after 2 s beside that at which it would float; `cost`: time
+K 0.1 MPa, one thread. `pressed`: uplift over ρ g d A, mean of 0.2 s after 0.5 s, and the rise
+at their end; `lifted`: rise after 2 s beside that at which it would float; `cost`: time
 of a step in space with uplift over that without, medians of five runs by turns. A line each goes to
 benchmarks/results/uplift.jsonl.
 """

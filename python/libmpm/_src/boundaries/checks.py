@@ -96,8 +96,8 @@ def _check_uplift(check: Checker, scene: SceneData, boundary: Boundary) -> None:
         check.fail("uplift is True without gravity that stays as it is; expected it, since water "
                    "presses against it; give gravity in m/s²")  # fmt: skip
     if any(isinstance(r, Sticky) for r in boundary.responses):
-        check.fail("uplift is True of a Sticky boundary; expected one that lets go or along; use "
-                   "Separable")  # fmt: skip
+        check.fail("uplift is True of a Sticky boundary; expected one that bodies slide on and "
+                   "come off; use Separable")  # fmt: skip
     leaning = [b.name for b in scene.boundaries if b.is_surface]
     if leaning:
         check.fail(

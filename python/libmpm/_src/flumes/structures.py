@@ -97,8 +97,8 @@ def add_bed_friction(
     alike = {body: (mu, density.get(body, 0.0) if uplift else 0.0) for body, mu in by_body.items()}
     kinds = sorted(set(alike.values()))
     made = []
-    for k, (mu, _) in enumerate(kinds, 1):
-        bodies = tuple(b for b, kind in alike.items() if kind == kinds[k - 1])
+    for k, kind in enumerate(kinds, 1):
+        mu, bodies = kind[0], tuple(b for b, one in alike.items() if one == kind)
         made.append(scene.add_boundary(
             name=name if len(kinds) == 1 else f"{name}-{k}", shape=shape, bodies=bodies,
             response=Separable(static_friction=mu, dynamic_friction=mu), uplift=uplift,

@@ -1,4 +1,4 @@
-"""What water would lift and a boundary holds down: light bodies on faces that nothing comes off."""
+"""What water would lift and does not: light bodies on faces that hold them, or on a sealed base."""
 
 from __future__ import annotations
 
@@ -47,8 +47,9 @@ def held_down(scene: SceneData) -> list[str]:
     light = [b for b in scene.bodies
              if not b.material.table.stores_volume and not isinstance(b.material, Rigid)
              and not b.pins and density[b.name] < density[heaviest.name]]  # fmt: skip
-    lifted = {name for b in scene.boundaries if b.uplift for name in b.bodies}
-    found, told = [], set(lifted)
+    # Of these nothing is to be said of a sealed base: not of one with uplift, of others once.
+    told = {name for b in scene.boundaries if b.uplift for name in b.bodies}
+    found = []
     for boundary in scene.boundaries:
         if not boundary.at_rest or boundary.time is not None or boundary.within is not None:
             continue
