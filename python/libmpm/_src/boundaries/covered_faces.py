@@ -20,8 +20,9 @@ import numpy.typing as npt
 from libmpm._src.base.time_tables import TimeTable, constant
 from libmpm._src.boundaries.responses import Displacement, Mirror, Prescribed, Travel
 from libmpm._src.shapes.boxes import FACES, Box, DomainWalls, OrientedBox
+from libmpm._src.shapes.combined import Intersection
 from libmpm._src.shapes.primitives import HalfSpace
-from libmpm._src.shapes.solid import Solid, box_distance
+from libmpm._src.shapes.solid import Solid, box_distance, unit
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
@@ -308,6 +309,26 @@ def _always(boundary: Boundary, cover: Boundary) -> bool:
     return cover.window[0] <= boundary.window[0] and cover.window[1] >= boundary.window[1]
 
 
+def _same_place(scene: SceneData, cover: object, shape: object) -> bool:
+    """Return whether a shape is a cover or a piece of one, as friction of a bed on some bodies is.
+
+    Neither covers the other: both act there.
+    """
+    if isinstance(shape, Intersection):
+        return any(_same_place(scene, cover, part) for part in shape.parts)
+    if isinstance(cover, HalfSpace) and isinstance(shape, HalfSpace):
+        if cover.dimension != shape.dimension:
+            return False
+        between = float(cover.distance(np.array([shape.point], dtype=np.float64))[0])
+        turned = np.subtract(unit(cover.normal), unit(shape.normal))
+        return abs(between) <= CLOSE * scene.cell_size and bool(np.abs(turned).max() < 1e-6)
+    return (
+        isinstance(shape, Solid)
+        and isinstance(cover, Solid)
+        and (cover.to_dict() == shape.to_dict())
+    )
+
+
 def covers_of(scene: SceneData, boundary: Boundary) -> Covers:
     """Return the walls, boxes and planes at rest that may cover faces of a surface."""
     found: list[Callable[[Array], Array]] = []
@@ -317,6 +338,8 @@ def covers_of(scene: SceneData, boundary: Boundary) -> Covers:
         if cover.name == boundary.name or not _always(boundary, cover) or moves(cover):
             continue
         shape = cover.shape
+        if _same_place(scene, shape, boundary.shape):
+            continue
         if isinstance(shape, DomainWalls):
             for face in _faces(scene, cover):
                 found.append(_wall(*face))
