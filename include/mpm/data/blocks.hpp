@@ -56,6 +56,12 @@ struct BlockKeys {
     std::int64_t counts[D];   // blocks along each axis, rim included
     std::int64_t fields = 1;  // of velocities
 
+    /// Do keys mean the same blocks and fields?
+    bool same_as(const BlockKeys& other) const {
+        bool same = fields == other.fields;
+        for (int a = 0; a < D; ++a) same = same && counts[a] == other.counts[a];
+        return same;
+    }
     MPM_INLINE std::uint64_t key(const std::int64_t (&b)[D], std::int64_t field = 0) const {
         std::int64_t k = 0;
         MPM_UNROLL for (int a = 0; a < D; ++a) k = k * counts[a] + (b[a] + rim);
@@ -103,6 +109,13 @@ struct BlockTableView {
     const std::uint64_t* keys;       // (slots,) ascending
     const std::int32_t* corners;     // (slots, D): first cell of each block
     const std::int32_t* neighbours;  // (slots, 3^D): slot or -1; own slot in the middle
+
+    /// The cell of a slot's node.
+    MPM_INLINE void cell(std::int32_t slot, int node, std::int64_t (&c)[D]) const {
+        int at[D];
+        Block<D>::coordinates(node, at);
+        for (int a = 0; a < D; ++a) c[a] = corners[std::int64_t(slot) * D + a] + at[a];
+    }
 };
 
 /// Slot of a key in an ascending table, or -1.

@@ -38,9 +38,7 @@ struct NodeUpdate {
     }
     MPM_INLINE T mass(std::int32_t slot, int node) const { return mass(sums(slot, node)[0]); }
     MPM_INLINE void cell(std::int32_t slot, int node, std::int64_t (&c)[D]) const {
-        int at[D];
-        Block<D>::coordinates(node, at);
-        for (int a = 0; a < D; ++a) c[a] = grid.table.corners[std::int64_t(slot) * D + a] + at[a];
+        grid.table.cell(slot, node, c);
     }
     MPM_INLINE Vec<Sum, D> momentum(std::int32_t slot, int node) const {
         const Sum* s = sums(slot, node);

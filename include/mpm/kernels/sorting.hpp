@@ -235,18 +235,6 @@ struct TouchBoundaries {
     }
 };
 
-/// Lists the touched blocks; their flags become 1 + their place in the list.
-struct ListTouched {
-    const std::uint32_t* position;
-    std::uint32_t* touched;
-    std::int32_t* list;
-    MPM_INLINE void operator()(std::int64_t slot) const {
-        if (!touched[slot]) return;
-        touched[slot] = 1 + position[slot];
-        list[position[slot]] = std::int32_t(slot);
-    }
-};
-
 /// Slots of one table -> slots of another (-1 where the block is not in it).
 struct MapSlots {
     const std::uint64_t* old_keys;

@@ -375,9 +375,7 @@ struct alignas(16) LinedNode {
                          const std::uint32_t* packed)
         : node(std::uint32_t(slot) * block_cells + std::uint32_t(number)) {
         std::int64_t cell[D];
-        int at[D];
-        Block<D>::coordinates(number, at);
-        for (int a = 0; a < D; ++a) cell[a] = table.corners[std::int64_t(slot) * D + a] + at[a];
+        table.cell(slot, number, cell);
         for (int a = 0; a < D; ++a) {
             lines[a] = packed[a];
             beside[a] = slot;

@@ -25,6 +25,28 @@
 
 namespace mpm {
 
+/// What is known of the nodes of listed blocks.
+template <class X, int D>
+struct WallNodeBuffers {
+    Buffer<X, WallAsks> asks;
+    Buffer<X, std::uint32_t> lines;
+    Buffer<X, SurfaceNode<D>> surfaces;  // where any is linear
+
+    explicit WallNodeBuffers(X& exec) : asks(exec), lines(exec), surfaces(exec) {}
+    void reserve_discard(std::size_t nodes, bool linear_surfaces) {
+        asks.reserve_discard(nodes);
+        lines.reserve_discard(nodes * D);
+        if (linear_surfaces) surfaces.reserve_discard(nodes);
+    }
+    void swap(WallNodeBuffers& other) noexcept {
+        asks.swap(other.asks);
+        lines.swap(other.lines);
+        surfaces.swap(other.surfaces);
+    }
+    FoundWallNodes<D> found() const { return {asks.data(), lines.data(), surfaces.data()}; }
+    std::size_t bytes() const { return asks.bytes() + lines.bytes() + surfaces.bytes(); }
+};
+
 template <class X, int D>
 class Boundaries {
 public:
@@ -62,21 +84,23 @@ public:
     bool has_mirrors() const { return mirrored_walls_; }
     bool has_linear_surfaces() const { return linear_surfaces_; }
     const Buffer<X, std::int32_t>& blocks() const { return blocks_; }
-    const Buffer<X, WallAsks>& asks() const { return asks_; }
-    const Buffer<X, std::uint32_t>& lines() const { return lines_; }  // of their nodes, packed
+    const Buffer<X, WallAsks>& asks() const { return nodes_.asks; }
+    const Buffer<X, std::uint32_t>& lines() const { return nodes_.lines; }  // packed
+    /// How many of them the last list did not have, or had by boundaries that change.
+    std::size_t blocks_anew() const { return anew_; }
     /// What stays of nodes that are not `WallNode::unknown`.
     KnownNodes<D> known() const {
         if (!lists()) return {};
-        return {lines_.data(), linear_surfaces_ ? surface_nodes_.data() : nullptr, touched_.data(),
-                asks_.data()};
+        return {nodes_.lines.data(), linear_surfaces_ ? nodes_.surfaces.data() : nullptr,
+                touched_.data(), nodes_.asks.data()};
     }
     /// By (listed block, node), the nodes that a pass moves; on hosts lines have no pass.
     const Buffer<X, std::int32_t>& nodes_of(WallPass pass) const { return of_pass_[int(pass)]; }
     /// Hosts: the nodes on lines alone, in the order of listed blocks.
     const Buffer<X, LinedNode<D>>& lined() const { return lined_; }
     double bytes() const {
-        return double(touched_.bytes() + blocks_.bytes() + asks_.bytes() + lines_.bytes() +
-                      surface_nodes_.bytes() + of_pass_[0].bytes() + of_pass_[1].bytes() +
+        return double(touched_.bytes() + blocks_.bytes() + block_keys_.bytes() + nodes_.bytes() +
+                      nodes_before_.bytes() + of_pass_[0].bytes() + of_pass_[1].bytes() +
                       of_pass_[2].bytes() + lined_.bytes());
     }
     /// The same of what load cell number `cell` measures, into `flag`.
@@ -95,6 +119,9 @@ private:
     void set_pressures(const Spec& spec, const Plan& plan);
     void set_fields(const Spec& spec);
     void list_touched(const BlockTableView<D>& table);
+    void list_blocks(const BlockTableView<D>& table, Buffer<X, std::int32_t>& kept,
+                     Buffer<X, std::int32_t>& anew);
+    void list_passes(const BlockTableView<D>& table);
 
     X& exec_;
     double cell_size_;
@@ -117,9 +144,11 @@ private:
     Buffer<X, std::int32_t> solid_fields_{exec_};  // as `BoundaryView` has them
     Buffer<X, std::uint32_t> touched_{exec_};
     Buffer<X, std::int32_t> blocks_{exec_};
-    Buffer<X, WallAsks> asks_{exec_};
-    Buffer<X, std::uint32_t> lines_{exec_};
-    Buffer<X, SurfaceNode<D>> surface_nodes_{exec_};
+    Buffer<X, std::uint64_t> block_keys_{exec_};  // of listed blocks
+    BlockKeys<D> keys_of_{};                      // how to read them
+    std::size_t anew_ = 0;
+    // By (listed block, node); room for those of the next list, once it keeps any.
+    WallNodeBuffers<X, D> nodes_{exec_}, nodes_before_{exec_};
     Buffer<X, std::int32_t> of_pass_[wall_passes] = {Buffer<X, std::int32_t>(exec_),
                                                      Buffer<X, std::int32_t>(exec_),
                                                      Buffer<X, std::int32_t>(exec_)};
@@ -130,14 +159,7 @@ template <class X, int D>
 Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
     : exec_(exec), cell_size_(spec.cell_size), wide_(kernel_width(spec.kernel.kernel) == 5) {
     gravity_ = tables_.upload(spec.gravity, D);
-    double most = 0;
-    for (int a = 0; a < D; ++a) {
-        double pull = 0;
-        for (std::size_t k = std::size_t(a); k < spec.gravity.value.size(); k += D)
-            pull += std::abs(spec.gravity.value[k]);
-        if (pull > most) down_ = a;
-        most = std::max(most, pull);
-    }
+    down_ = axis_of_gravity(spec, D);
     std::vector<BoundaryRecord<D>> records, measured;
     std::vector<SurfaceRecord<D>> surfaces;
     for (std::size_t k = 0; k < spec.boundaries.size(); ++k) {
@@ -211,8 +233,8 @@ Boundaries<X, D>::Boundaries(X& exec, const Spec& spec, const Plan& plan)
             " boundaries, some of them with linear cells; one scene holds at most " +
             std::to_string(most_packed_boundaries - 1) +
             " then. Join boxes that touch, or use cell=\"held\"");
-    // Lines are found before the first step says what is active.
-    for (BoundaryRecord<D>& r : records) r.active = r.start <= 0 && std::isinf(r.end);
+    // Lines are found before the first step says what is active, and kept of what always is.
+    for (BoundaryRecord<D>& r : records) r.active = r.always();
     records_.assign(records);
     surfaces_.assign(surfaces);
     for (const auto& s : spec.sensors) {
@@ -337,33 +359,66 @@ void Boundaries<X, D>::touch(const BlockTableView<D>& table) {
 
 template <class X, int D>
 void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
+    Buffer<X, std::int32_t> kept(exec_), anew(exec_);
+    list_blocks(table, kept, anew);
+    const std::size_t blocks = blocks_.size(), nodes = blocks * block_cells;
+    anew_ = anew.size();
+    if (anew_ < blocks) nodes_.swap(nodes_before_);
+    nodes_.reserve_discard(nodes, linear_surfaces_);
+    if (anew_ < blocks)
+        exec_.for_each(
+            std::int64_t(nodes),
+            KeepWallNodes<D>{blocks_.data(), kept.data(), nodes_before_.found(), nodes_.found()});
+    exec_.for_each(std::int64_t(anew_ * block_cells),
+                   ClassifyWallNodes<D>{table, view(), blocks_.data(), anew.data(),
+                                        pressures_.size() > 0, nodes_.found()});
+    list_passes(table);
+    exec_.wait();
+}
+
+/// Lists the touched blocks. `kept`: of each slot, its place in the list before; `anew`: places in
+/// the list of those that are not kept.
+template <class X, int D>
+void Boundaries<X, D>::list_blocks(const BlockTableView<D>& table, Buffer<X, std::int32_t>& kept,
+                                   Buffer<X, std::int32_t>& anew) {
     const std::int64_t slots = table.slots;
-    Buffer<X, std::uint32_t> position(exec_), numbers(exec_);
-    position.reserve_discard(std::size_t(slots) + 1);
-    numbers.reserve_discard(1);
+    Buffer<X, std::uint32_t> position(exec_), flag(exec_), anew_position(exec_), numbers(exec_);
+    flag.reserve_discard(std::size_t(slots));
+    kept.reserve_discard(std::size_t(slots));
+    for (auto* scan : {&position, &anew_position}) scan->reserve_discard(std::size_t(slots) + 1);
+    numbers.reserve_discard(2);
+    const bool known = keys_of_.same_as(table.keys_of);
+    exec_.for_each(slots, FindKeptBlocks<D>{table, view(), touched_.data(), block_keys_.data(),
+                                            known ? std::int32_t(block_keys_.size()) : 0,
+                                            kept.data(), flag.data()});
     exec_.exclusive_scan(touched_.data(), position.data(), slots);
+    exec_.exclusive_scan(flag.data(), anew_position.data(), slots);
     exec_.copy(numbers.data(), position.data() + slots, sizeof(std::uint32_t));
-    blocks_.reserve_discard(numbers.host()[0]);
-    exec_.for_each(slots, ListTouched{position.data(), touched_.data(), blocks_.data()});
+    exec_.copy(numbers.data() + 1, anew_position.data() + slots, sizeof(std::uint32_t));
+    const std::vector<std::uint32_t> counts = numbers.host();
+    blocks_.reserve_discard(counts[0]);
+    block_keys_.reserve_discard(counts[0]);
+    anew.reserve_discard(counts[1]);
+    exec_.for_each(
+        slots, ListWallBlocks{table.keys, position.data(), flag.data(), anew_position.data(),
+                              touched_.data(), blocks_.data(), block_keys_.data(), anew.data()});
+    keys_of_ = table.keys_of;
+}
+
+/// Which nodes of listed blocks each pass moves.
+template <class X, int D>
+void Boundaries<X, D>::list_passes(const BlockTableView<D>& table) {
     const std::size_t nodes = blocks_.size() * block_cells;
     std::vector<Buffer<X, std::uint32_t>> flags, positions;
-    asks_.reserve_discard(nodes);
-    lines_.reserve_discard(nodes * D);
-    if (linear_surfaces_) surface_nodes_.reserve_discard(nodes);
+    Buffer<X, std::uint32_t> numbers(exec_);
     numbers.reserve_discard(wall_passes);
     for (int k = 0; k < wall_passes; ++k) {
         flags.emplace_back(exec_).reserve_discard(nodes);
         positions.emplace_back(exec_).reserve_discard(nodes + 1);
     }
-    exec_.for_each(std::int64_t(nodes),
-                   ClassifyWallNodes<D>{table,
-                                        view(),
-                                        blocks_.data(),
-                                        pressures_.size() > 0,
-                                        asks_.data(),
-                                        lines_.data(),
-                                        linear_surfaces_ ? surface_nodes_.data() : nullptr,
-                                        {flags[0].data(), flags[1].data(), flags[2].data()}});
+    exec_.for_each(
+        std::int64_t(nodes),
+        FlagWallPasses{nodes_.asks.data(), {flags[0].data(), flags[1].data(), flags[2].data()}});
     for (int k = 0; k < wall_passes; ++k) {
         exec_.exclusive_scan(flags[k].data(), positions[k].data(), std::int64_t(nodes));
         exec_.copy(numbers.data() + k, positions[k].data() + nodes, sizeof(std::uint32_t));
@@ -375,7 +430,7 @@ void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
                 lined_.reserve_discard(counts[k]);
                 exec_.for_each(
                     std::int64_t(nodes),
-                    ListLinedNodes<D>{table, blocks_.data(), lines_.data(), flags[k].data(),
+                    ListLinedNodes<D>{table, blocks_.data(), nodes_.lines.data(), flags[k].data(),
                                       positions[k].data(), lined_.data()});
                 continue;
             }
@@ -384,7 +439,6 @@ void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
         exec_.for_each(std::int64_t(nodes),
                        ListHomes{flags[k].data(), positions[k].data(), of_pass_[k].data()});
     }
-    exec_.wait();
 }
 
 template <class X, int D>

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -403,5 +404,20 @@ struct Spec {
     std::vector<int>
         stored_as;  // per body, of a state to load: which of its bodies; empty: by rule
 };
+
+/// The axis along which gravity is largest, summed over its table; -1 where there is none.
+inline int axis_of_gravity(const Spec& spec, int dimension) {
+    int axis = -1;
+    double most = 0;
+    for (int a = 0; a < dimension; ++a) {
+        double pull = 0;
+        for (std::size_t k = std::size_t(a); k < spec.gravity.value.size();
+             k += std::size_t(dimension))
+            pull += std::abs(spec.gravity.value[k]);
+        if (pull > most) axis = a;
+        most = std::max(most, pull);
+    }
+    return axis;
+}
 
 }  // namespace mpm

@@ -489,18 +489,22 @@ Plan make_plan(const Spec& spec, const BackendTraits& backend) {
                                          [](const BodyPlan& p) { return p.cells.smooths(); });
     if (backend.device && any_smooths) plan.memory_tables += slots * 8 * smoothing_sums;
 
-    // Velocities, kinds, lines and places in two lists, of each node; on hosts pieces of three in
-    // four.
+    // Kinds, lines and surfaces of each node, and those of the table before; velocities and places
+    // in two lists; on hosts pieces of three in four.
     const bool surfaces =
         std::any_of(spec.boundaries.begin(), spec.boundaries.end(), linear_surface);
+    const double known = 1 + 4 * D +
+                         double(!surfaces ? 0
+                                : D == 2  ? sizeof(SurfaceNode<2>)
+                                          : sizeof(SurfaceNode<3>));
     plan.memory_tables += estimate.touched * block_cells *
-                          (D * (backend.grid_real() + 4) + 6 + (backend.device ? 0 : 24) +
-                           double(!surfaces ? 0
-                                  : D == 2  ? sizeof(SurfaceNode<2>)
-                                            : sizeof(SurfaceNode<3>)));
+                          (2 * known + D * backend.grid_real() + 5 + (backend.device ? 0 : 24));
     const bool lifts = std::any_of(spec.boundaries.begin(), spec.boundaries.end(),
                                    [](const BoundarySpec& b) { return b.uplift; });
-    if (lifts) plan.memory_tables += estimate.touched * block_cells * 4;
+    // Which of its feet a node is; of one row of each block its number and two sets of momenta.
+    if (lifts)
+        plan.memory_tables +=
+            estimate.touched * block_cells * (4 + (4 + 16.0 * D) / (D == 2 ? 8 : 4));
     if (plan.shift > 0 || plan.density)
         plan.memory_grid += slots * block_cells * backend.grid_real() * (plan.density ? 2 : 1);
     for (const auto& b : spec.boundaries) {
