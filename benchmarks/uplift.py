@@ -4,7 +4,8 @@
 
 A block of 10 by 5 cm (10 by 10 by 5 in space) stands in a tank, water beside it, held nodes,
 K 0.1 MPa, one thread. `pressed`: uplift over ρ g d A, mean of 0.2 s after 0.5 s, and the rise
-at their end; `lifted`: rise after 2 s beside that at which it would float; `cost`: time
+at their end, on a box on faces of cells or a surface whose plane is so many cells above one and
+may lean; `lifted`: rise after 2 s beside that at which it would float; `cost`: time
 of a step in space with uplift over that without, medians of five runs by turns. A line each goes to
 benchmarks/results/uplift.jsonl.
 """
@@ -12,6 +13,7 @@ benchmarks/results/uplift.jsonl.
 from __future__ import annotations
 
 import argparse
+import math
 import statistics
 import sys
 import time
@@ -40,12 +42,23 @@ def begun(scene: libmpm.Scene) -> tuple[libmpm.Simulation, float]:
     return sim, float(sim.particles["debris-1"]["position"][:, -1].mean())
 
 
-def pressed(cell: float, depth: float, contact: bool, dimension: int = 2) -> dict[str, Any]:
-    """Return uplift over ρ g d A of a block too heavy to lift."""
-    sim, rest = begun(tank(cell, depth=depth, contact=contact, dimension=dimension, density=1500.0))
+def pressed(
+    cell: float,
+    depth: float,
+    contact: bool = False,
+    dimension: int = 2,
+    surface: float | None = None,
+    slope: float = 0.0,
+) -> dict[str, Any]:
+    """Return uplift over ρ g d A of a block too heavy to lift, across the bed, rough on a slope."""
+    scene = tank(cell, depth=depth, contact=contact, dimension=dimension, density=1500.0,
+                 surface=surface, slope=slope, friction=2.0 if slope else 0.4)  # fmt: skip
+    sim, rest = begun(scene)
     sim.run(until=0.7, progress=False)
-    full = 1000 * GRAVITY * depth * (2 * HALF) ** (dimension - 1)
-    return {"uplift": -loads(sim, "bed-friction", 0.5)[1] / full, "rise_mm": 1e3 * rise(sim, rest)}
+    lean = math.hypot(1.0, slope)
+    full = 1000 * GRAVITY * depth * (2 * HALF) ** (dimension - 1) * lean
+    along, up = loads(sim, "bed-friction", 0.5)
+    return {"uplift": (slope * along - up) / lean / full, "rise_mm": 1e3 * rise(sim, rest)}
 
 
 def lifted(cell: float, density: float, depth: float, uplift: bool) -> dict[str, Any]:
@@ -89,6 +102,12 @@ def main() -> int:
     ]  # fmt: skip
     cases.append(("pressed", pressed,
                   {"cell": 0.0125, "depth": 0.045, "contact": False, "dimension": 3}))  # fmt: skip
+    cases += [
+        ("pressed", pressed, {"cell": h, "depth": 0.045, "surface": place, "slope": slope})
+        for h in cells
+        for place, slope in ((0.0, 0.0), (0.25, 0.0), (0.5, 0.0), (0.75, 0.0), (0.3, 0.05),
+                             (0.3, 0.1), (0.3, 0.2))
+    ]  # fmt: skip
     cases += [
         ("lifted", lifted, {"cell": h, "density": rho, "depth": 0.045, "uplift": u})
         for u in (False, True) for h in cells for rho in (300.0, 648.0, 987.0)

@@ -296,8 +296,8 @@ def test_a_plane_with_friction_for_some_is_not_covered_by_the_bed_in_its_place(s
     cell = 0.05
     scene = Scene(dimension=2, cell_size=cell, lower=(-1, -1), upper=(1, 1), gravity=(0, -9.81))
     scene.add_body(name="block", shape=Box(lower=(-0.2, 0.1), upper=(0.2, 0.4)), material=WATER)
-    bed = HalfSpace(point=(0, 0), normal=(-slope, 1))
-    same = HalfSpace(point=(far, slope * far), normal=(-2 * slope, 2))
+    bed = HalfSpace(point=(0, 0.013), normal=(-slope, 1))
+    same = HalfSpace(point=(far, 0.013 + slope * far), normal=(-2 * slope, 2))
     scene.add_boundary(name="bed", shape=bed, response=Separable(cell="held"))
     scene.add_boundary(name="rough", shape=same, response=Separable(cell="held"), bodies=("block",))
     fields = [
@@ -308,23 +308,33 @@ def test_a_plane_with_friction_for_some_is_not_covered_by_the_bed_in_its_place(s
     np.testing.assert_allclose(fields[0].values, fields[1].values, atol=1e-5)
 
 
-def test_friction_on_a_piece_of_a_leaning_bed_is_there():
-    """An intersection of the bed: above it distances are those of the bed."""
+LEANS = HalfSpace(point=(0, 0), normal=(-0.1, 1))
+LEVEL = HalfSpace(point=(0, 0), normal=(0, 1))
+AROUND = Box(lower=(-0.5, -1.5), upper=(0.5, 1))
+
+
+@pytest.mark.parametrize(
+    ("bed", "rough", "plane"),
+    [(LEANS, LEANS & AROUND, LEANS),
+     (LEANS, LEANS - Box(lower=(0.4, -1.5), upper=(2, 1)), LEANS),
+     (Box(lower=(-1, -1), upper=(1, 0)), LEVEL, LEVEL),
+     (Box(lower=(-1, -1), upper=(1, 0)), LEVEL & AROUND, LEVEL),
+     (LEVEL, Extrusion(profile=((-0.6, -1), (-0.6, 0), (0.6, 0), (0.6, -1))), LEVEL)],
+)  # fmt: skip
+def test_friction_for_some_is_there_whatever_names_the_beds_face(bed, rough, plane):
+    """Above the bed distances are those of its plane, whatever else bounds the shape."""
     cell = 0.05
     scene = Scene(dimension=2, cell_size=cell, lower=(-1, -1), upper=(1, 1), gravity=(0, -9.81))
     scene.add_body(name="block", shape=Box(lower=(-0.2, 0.1), upper=(0.2, 0.4)), material=WATER)
-    bed = HalfSpace(point=(0, 0), normal=(-0.1, 1))
-    piece = bed & Box(lower=(-0.5, -1.5), upper=(0.5, 1))
     scene.add_boundary(name="bed", shape=bed, response=Separable(cell="held"))
-    scene.add_boundary(name="rough", shape=piece, response=Separable(), bodies=("block",))
-    rough = next(b for b in scene.boundaries if b.name == "rough")
-    field = distance_field.distance_field(scene, rough)
-    low, high = field.bounds()  # from the scene's corner
-    assert low[0] - 1 <= -0.5 and high[0] - 1 >= 0.5
-    middle = np.array([[0.0, 0.025]])
-    block = np.floor((middle[0] + 1) / (8 * cell)).astype(int)
-    (k,) = np.flatnonzero((field.keys == block).all(axis=1))
-    at = np.round((middle[0] + 1) / cell - 8 * block).astype(int)
-    value = field.values[field.place[k]].reshape(9, 9)[tuple(at)] * cell
-    point = (block * 8 + at) * cell - 1
-    assert value == pytest.approx(bed.distance(point[None])[0], abs=1e-6)
+    scene.add_boundary(name="rough", shape=rough, response=Separable(), bodies=("block",))
+    boundary = next(b for b in scene.boundaries if b.name == "rough")
+    field = distance_field.distance_field(scene, boundary)
+    for x in (-0.3, 0.0, 0.2):
+        from_corner = np.array([x, 0.05]) + 1
+        block = np.floor(from_corner / (8 * cell)).astype(int)
+        (k,) = np.flatnonzero((field.keys == block).all(axis=1))
+        at = np.round(from_corner / cell - 8 * block).astype(int)
+        value = field.values[field.place[k]].reshape(9, 9)[tuple(at)] * cell
+        point = (block * 8 + at) * cell - 1
+        assert value == pytest.approx(plane.distance(point[None])[0], abs=1e-6), x

@@ -96,6 +96,25 @@ def test_pieces_that_touch_part_with_contact_alone(contact, opened):
     assert gaps() - before == pytest.approx(opened, abs=0.001)
 
 
+@pytest.mark.parametrize(
+    ("flume", "names"),
+    [(flumes.DirectionalWaveBasin(cell_size=0.1, width="half", channel=2.0, debris="mixed"),
+      {"platform-friction-1", "platform-friction-2"}),
+     (flumes.WasedaBasin(cell_size=0.05, width="full", debris="3x1-upstream"), {"apron-friction"})],
+)  # fmt: skip
+def test_water_may_be_below_debris_on_a_bed(flume, names):
+    """A kind of debris has one boundary, with its friction and the water in its gap."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", libmpm.ModelWarning)
+        for uplift in (True, False):
+            scene = replace(flume, uplift=uplift).scene()
+            scene.validate()
+            found = {b.name: b.uplift for b in scene.boundaries if "friction" in b.name}
+            assert found == dict.fromkeys(names, uplift)
+    with pytest.raises(libmpm.SceneError, match="uplift is 'yes'; expected True or False"):
+        replace(flume, uplift="yes")
+
+
 def test_box_and_bars_stand_in_the_cut_run_of_a_strip(tmp_path, monkeypatch):
     flume = flumes.LargeWaveFlume(
         width="half", cell_size=0.2, structure="box", debris="1-T-0.1x0.5", gap=0.4, end=60.0

@@ -1,6 +1,6 @@
 """Water in the gap below what stands on a bed: weight, friction, flotation, and what has none.
 
-Expected duration: 25 s.
+Expected duration: 40 s.
 """
 # ruff: noqa: F811  the fixture `device` is imported
 
@@ -47,6 +47,34 @@ def test_water_takes_its_part_of_the_weight(dimension, cell, contact, device):
     assert loads(sim, "bed-friction", 0.6)[1] == pytest.approx(0.0, abs=1e-3 * weight)
 
 
+@pytest.mark.parametrize("cell", [0.0125, 0.00625])
+@pytest.mark.parametrize("place", [0.0, 0.25, 0.5, 0.75, 0.9])
+def test_it_is_the_same_wherever_a_surface_is_in_its_cell(cell, place, device):
+    """A bed of any shape, its plane at any height in the cells."""
+    depth = 0.045
+    scene = tank(cell, density=1500.0, depth=depth, surface=place)
+    sim = libmpm.Simulation(scene, device=device, threads=1)
+    sim.run(until=0.5, progress=False)
+    lifted = -loads(sim, "bed-friction", 0.35)[1]
+    assert lifted == pytest.approx(1000 * GRAVITY * depth * area(2), rel=0.015)
+
+
+@pytest.mark.parametrize("slope", [0.05, 0.2])
+def test_it_presses_across_a_bed_that_leans(slope, device):
+    """Across it p of the mean depth, and a block that friction holds stays."""
+    depth = 0.045
+    scene = tank(density=1500.0, depth=depth, surface=0.3, slope=slope, friction=2.0)
+    sim = libmpm.Simulation(scene, device=device, threads=1)
+    before = sim.particles["debris-1"]["position"].mean(axis=0)
+    sim.run(until=0.5, progress=False)
+    across = np.array([-slope, 1.0]) / np.hypot(1.0, slope)
+    lifted = -loads(sim, "bed-friction", 0.35) @ across
+    full = 1000 * GRAVITY * depth * area(2) * np.hypot(1.0, slope)
+    assert lifted == pytest.approx(full, rel=0.08)
+    moved = sim.particles["debris-1"]["position"].mean(axis=0) - before
+    assert np.abs(moved).max() < 2e-4
+
+
 @pytest.mark.parametrize(("density", "depth"), [(1500.0, 0.045), (987.0, 0.03)])
 def test_friction_is_that_of_what_is_left_of_the_weight(density, depth):
     """μ (W - U), U as measured: with μ 0.4 within a tenth while the block slides."""
@@ -68,9 +96,10 @@ def way(scene: libmpm.Scene, until: float) -> tuple[float, float]:
     return float(x), float(z)
 
 
-def test_what_is_lighter_than_water_comes_off_the_bed():
+@pytest.mark.parametrize("surface", [None, 0.4])
+def test_what_is_lighter_than_water_comes_off_the_bed(surface):
     """Friction of 1 holds it where its base is sealed, and not where water is below it."""
-    light = {"density": 300.0, "friction": 1.0, "speed": 0.2}
+    light: dict[str, Any] = {"density": 300.0, "friction": 1.0, "speed": 0.2, "surface": surface}
     free, sealed = (way(tank(uplift=u, **light), 0.3) for u in (True, False))
     assert free[0] > 2 * sealed[0]
     assert free[1] > 0.002 > 10 * abs(sealed[1])
@@ -101,6 +130,18 @@ def test_where_the_bed_ends_a_dry_edge_has_nothing():
         sim.run(until=0.3, progress=False)
         lifted.append(-loads(sim, "bed-friction", 0.2)[1])
     assert lifted[1] == pytest.approx(lifted[0], rel=0.02)
+
+
+@pytest.mark.parametrize("surface", [None, 0.25, 0.6])
+def test_a_boundary_limited_from_its_bed_on_has_all_of_it(surface):
+    """Rows below the plane bear what stands on it, though `within` ends there."""
+    scene = tank(density=1500.0, surface=surface)
+    here = shapes.Box(lower=(-0.25, 0.0), upper=(0.25, 0.12))
+    scene.replace("bed-friction", kind="boundary", within=here)
+    sim = libmpm.Simulation(scene, device="cpu", threads=1)
+    sim.run(until=0.3, progress=False)
+    lifted = -loads(sim, "bed-friction", 0.2)[1]
+    assert lifted == pytest.approx(1000 * GRAVITY * 0.045 * area(2), rel=0.03)
 
 
 def test_a_load_cell_hears_of_the_face_that_it_is_of():
@@ -150,11 +191,26 @@ def test_readers_and_checkpoints_change_no_bit(tmp_path, device, scheme):
     assert_same(plain, resumed)
 
 
-def refused(message: str, **changes: Any) -> None:
-    scene = tank()
+@pytest.mark.parametrize("cells", [5, 6])
+@pytest.mark.parametrize("spacing", [None, 0.05])
+def test_linear_cells_in_the_beds_place_are_found_wherever_it_is(cells, spacing):
+    """Points of a lattice stand on the plane's rows, or between them."""
+    scene = tank(0.025, surface=0.0)
+    corner = -0.05
+    bed = shapes.HalfSpace(point=(0.0, corner + 0.025 * cells), normal=(0.0, 1.0))
+    scene.replace("bed", kind="boundary", shape=bed, spacing=spacing,
+                  response=boundaries.Separable(cell="linear"))  # fmt: skip
+    refused_of(scene, "beside boundary 'bed', a surface in its place", shape=bed)
+
+
+def refused_of(scene: libmpm.Scene, message: str, **changes: Any) -> None:
     with pytest.raises(libmpm.SceneError, match=message):
         scene.replace("bed-friction", kind="boundary", **changes)
         scene.validate()
+
+
+def refused(message: str, **changes: Any) -> None:
+    refused_of(tank(), message, **changes)
 
 
 def test_refusals():
@@ -169,7 +225,23 @@ def test_refusals():
         scene.validate()
     refused("uplift is True of a Sticky boundary", response=boundaries.Sticky())
     plane = shapes.HalfSpace(point=(0.0, 0.0), normal=(0.0, 1.0))
-    refused("uplift is True beside boundary 'bed-friction', a surface", shape=plane)
+    lined = boundaries.Separable(cell="linear")
+    refused("beside boundary 'bed-friction', a surface in its place whose cells are", shape=plane,
+            response=lined)  # fmt: skip
+    scene = tank(surface=0.5)
+    scene.replace("bed", kind="boundary", response=lined)
+    with pytest.raises(libmpm.SceneError, match="beside boundary 'bed', a surface in its place"):
+        scene.validate()
+    scene.replace("bed", kind="boundary", response=boundaries.Slip(cell="held"),
+                  layer=boundaries.DecayLayer(function="linear", thickness=3.0))  # fmt: skip
+    with pytest.raises(libmpm.SceneError, match="whose layer holds nodes by parts"):
+        scene.validate()
+    scene = tank()
+    ramp = shapes.HalfSpace(point=(-0.1, 0.0), normal=(-0.05, 1.0))
+    flumes.add_bed_friction(scene, ramp, {"debris-1": 0.4}, "ramp", uplift=True)
+    with pytest.raises(libmpm.SceneError, match="body 'debris-1', which boundary 'ramp' lifts too"):
+        scene.validate()
+    refused("uplift is True with a layer", shape=plane, layer=boundaries.DecayLayer())
     with pytest.raises(libmpm.SceneError, match="uplift on boundary 'bed-friction'"):
         libmpm.Simulation(tank(), device=["cpu", "cpu"]).step(1)
 

@@ -27,8 +27,14 @@ def tank(
     speed: float = 0.0,
     contact: bool = False,
     beside: tuple[float, float] = (-0.3, 0.3),
+    surface: float | None = None,
+    slope: float = 0.0,
 ) -> libmpm.Scene:
-    """A block on the bed of a tank, water between two x beside it."""
+    """A block on the bed of a tank, water between two x beside it.
+
+    `surface`: the bed is one, its plane so many cells above a face of the cells, and leans by
+    `slope` about the block's middle, 1; else it is a box.
+    """
     flat = dimension == 2
     wide = () if flat else (0.15,)
 
@@ -38,25 +44,35 @@ def tank(
         v = upper[1:-1] or wide
         return shapes.Box(lower=(x, *y, z), upper=(u, *v, w))
 
+    rise = cell * (surface or 0.0)
+    below = rise + cell * (2 + np.ceil(0.3 * slope / cell))
     scene = libmpm.Scene(
-        dimension=dimension, cell_size=cell, lower=(-0.3, *(-a for a in wide), -2 * cell),
-        upper=(0.3, *wide, 0.15), gravity=(0.0,) * (dimension - 1) + (-GRAVITY,),
+        dimension=dimension, cell_size=cell, lower=(-0.3, *(-a for a in wide), -below),
+        upper=(0.3, *wide, 0.15 - rise), gravity=(0.0,) * (dimension - 1) + (-GRAVITY,),
     )  # fmt: skip
     modulus = 0.4667 * density * K / 1000
     y = () if flat else (HALF,)
-    block = box((-HALF, *(-a for a in y), 0.0), (HALF, *y, HIGH))
+    bed: shapes.Solid = box((-1.0, *(-1.0 for _ in wide), -1.0), (1.0, *(1.0 for _ in wide), 0.0))
+    block: shapes.Solid = box((-HALF, *(-a for a in y), 0.0), (HALF, *y, HIGH))
+    water: shapes.Solid = box((beside[0], 0.0), (beside[1], depth))
+    if surface is not None:
+        origin = (0.0,) * dimension
+        bed = shapes.HalfSpace(point=origin, normal=(-slope, *(0.0 for _ in wide), 1.0))
+        deep = -0.3 * slope
+        tall = box((-HALF, *(-a for a in y), deep), (HALF, *y, HIGH))
+        block = shapes.Difference(whole=tall, without=bed) if slope else block
+        water = shapes.Difference(whole=box((beside[0], deep), (beside[1], depth)), without=bed)
     scene.add_body(
         name="debris-1", shape=block, velocity=(speed,) + (0.0,) * (dimension - 1),
         material=materials.FixedCorotated(
             density=density, youngs_modulus=modulus, poissons_ratio=0.4
         ),
     )  # fmt: skip
-    water = box((beside[0], 0.0), (beside[1], depth))
     scene.add_body(
         name="water", shape=shapes.Difference(whole=water, without=block), hydrostatic=depth,
         material=materials.TaitFluid(bulk_modulus=K),
+        sampling="default" if surface is None else shapes.Columns(),
     )  # fmt: skip
-    bed = box((-1.0, *(-1.0 for _ in wide), -1.0), (1.0, *(1.0 for _ in wide), 0.0))
     scene.add_boundary(name="bed", shape=bed, response=boundaries.Separable(cell="held"))
     sides = ("x-", "x+") if flat else ("x-", "x+", "y-", "y+")
     scene.add_boundary(

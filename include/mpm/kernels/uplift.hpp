@@ -13,26 +13,39 @@ namespace mpm {
 /// A boundary for some bodies with water in the gap below them.
 struct UpliftRecord {
     int boundary;
-    double full;  // mass of a node of the row of cells on the bed where a body covers it, kg
+    double full;  // mass of a node that a body fills, kg
 };
 /// One word has a bit for each that a node lies above.
 inline constexpr int most_uplifts = 32;
 
-/// Part of a node half a cell above a plane that lies above the plane, and the mean height of that
-/// part in cells: of quadratic splines, with s from the plane, ∫ N(s - 1/2) ds and ∫ s N ds over
-/// it.
+/// Part of a node that lies above a plane, whose height above the plane is given in cells: of
+/// quadratic splines, ∫ N ds.
+MPM_INLINE double part_above(double height) {
+    const double far = absolute(height);
+    const double upper = far < 0.5   ? 0.5 + (0.75 - far * far / 3) * far
+                         : far < 1.5 ? 1 - (1.5 - far) * (1.5 - far) * (1.5 - far) / 6
+                                     : 1;
+    return height < 0 ? 1 - upper : upper;
+}
+/// Of a node half a cell above a bed, and the mean height of that part in cells: with s from the
+/// bed, ∫ s N ds over it.
 inline constexpr double above_bed = 5.0 / 6, height_above_bed = 0.65;
 
+/// Where a node lies that a boundary may hold up: in the one row on a bed that is a base's,
+/// deeper, or neither.
+enum class OnBed { none, foot, inside };
+/// And how high above the bed, in cells, with the bed's normal by its part against gravity.
 template <int D>
-struct UpliftView {
-    const UpliftRecord* records;
-    int count;
-    const GroupPressure* pressures;  // of fluids
-    int pressure_count;
-    // (fields,): 1 where a field of velocities is of solids alone; null without contacts.
-    const std::int32_t* solid_fields;
-    std::int64_t cells[D];  // of the domain
+struct BedPlace {
+    OnBed is = OnBed::none;
+    double height = 0.5;
+    double normal[D] = {};
+
+    MPM_INLINE BedPlace(OnBed here, int axis, int up) : is(here) { normal[axis] = up; }
 };
+/// The row of a base is that with heights in (-1/4, 3/4]: held whole by every surface that leans by
+/// less than 45 degrees, and with a third of a base's mass at least.
+inline constexpr double lowest_foot = -0.25;
 
 /// Does a boundary hold a node that gravity pulls? `up` is the axis `axis` with its sign, against
 /// gravity.
@@ -44,16 +57,67 @@ MPM_INLINE bool holds_up(const BoundaryView<D>& all, int boundary, const std::in
     apply_boundary<true>(all, boundary, cell, BoundAxes<D>{}, v, NothingSeen{}, false);
     return absolute(v[axis]) < 0.5;
 }
-/// Where a node lies that a boundary may hold up: in the row of cells on a bed, deeper, or neither.
-enum class OnBed { none, foot, inside };
+/// Whether a boundary acts at a node by where it is limited to across gravity. Along gravity limits
+/// say nothing of a bed: rows below its plane bear what stands on it.
 template <int D>
-MPM_INLINE OnBed on_bed_of(const BoundaryView<D>& all, int boundary, const std::int64_t (&cell)[D],
-                           int axis, int up) {
-    if (!holds_up<D>(all, boundary, cell, axis, up)) return OnBed::none;
+MPM_INLINE bool acts_across(const BoundaryRecord<D>& r, double cell_size,
+                            const std::int64_t (&cell)[D], int axis) {
+    double x[D];
+    node_position<D>(cell, cell_size, x);
+    bool inside = true;
+    for (int a = 0; a < D && r.limited; ++a)
+        inside = inside && (a == axis || (x[a] >= r.within_lower[a] && x[a] <= r.within_upper[a]));
+    return inside;
+}
+/// Of a surface: its plane is where the distance says, along gravity, whatever it is limited to.
+template <int D>
+MPM_INLINE BedPlace<D> on_surface_of(const BoundaryView<D>& all, int boundary,
+                                     const std::int64_t (&cell)[D], int axis, int up) {
+    const SurfaceRecord<D>& s = all.surfaces[all.records[boundary].surface - 1];
+    BedPlace<D> found(OnBed::none, axis, up);
+    double x[D], normal[D], distance;
+    node_position<D>(cell, all.cell_size, x);
+    if (!s.field.at(x, distance, normal)) return found;
+    const double leans = up * normal[axis];
+    found.is = distance < 0 ? OnBed::inside : OnBed::none;
+    if (leans < 0.7) return found;
+    found.height = distance / (leans * all.cell_size);
+    for (int a = 0; a < D; ++a) found.normal[a] = normal[a] / leans;
+    found.is = found.height <= lowest_foot       ? OnBed::inside
+               : found.height <= lowest_foot + 1 ? OnBed::foot
+                                                 : OnBed::none;
+    // Two rows that are a cell apart by all digits but the last are not one base's both, or none's:
+    // the upper one is if the lower one is not, worked out as for itself.
+    if (absolute(found.height - (lowest_foot + 1)) < 0.01) {
+        std::int64_t below[D];
+        for (int a = 0; a < D; ++a) below[a] = cell[a] - (a == axis ? up : 0);
+        node_position<D>(below, all.cell_size, x);
+        const bool lower = s.field.at(x, distance, normal) && up * normal[axis] >= 0.7 &&
+                           distance / (up * normal[axis] * all.cell_size) > lowest_foot;
+        found.is = lower ? OnBed::none : OnBed::foot;
+    }
+    return found;
+}
+template <int D>
+MPM_INLINE BedPlace<D> on_bed_of(const BoundaryView<D>& all, int boundary,
+                                 const std::int64_t (&cell)[D], int axis, int up) {
+    if (all.records[boundary].surface > 0) return on_surface_of<D>(all, boundary, cell, axis, up);
+    if (!holds_up<D>(all, boundary, cell, axis, up)) return {OnBed::none, axis, up};
     std::int64_t above[D];
     for (int a = 0; a < D; ++a) above[a] = cell[a] + (a == axis ? up : 0);
-    return holds_up<D>(all, boundary, above, axis, up) ? OnBed::inside : OnBed::foot;
+    return {holds_up<D>(all, boundary, above, axis, up) ? OnBed::inside : OnBed::foot, axis, up};
 }
+
+template <int D>
+struct UpliftView {
+    const UpliftRecord* records;
+    int count;
+    const GroupPressure* pressures;  // of fluids
+    int pressure_count;
+    // (fields,): 1 where a field of velocities is of solids alone; null without contacts.
+    const std::int32_t* solid_fields;
+    std::int64_t cells[D];  // of the domain
+};
 
 /// Which records each node of the listed blocks is a foot of.
 template <int D>
@@ -69,13 +133,13 @@ struct MarkFeet {
 
     MPM_INLINE void operator()(std::int64_t i) const {
         const std::int32_t slot = blocks[i / block_cells];
-        int at[D];
-        Block<D>::coordinates(int(i % block_cells), at);
         std::int64_t cell[D];
-        for (int a = 0; a < D; ++a) cell[a] = table.corners[std::int64_t(slot) * D + a] + at[a];
+        table.cell(slot, int(i % block_cells), cell);
         std::uint32_t found = 0;
         for (int k = 0; k < count; ++k)
-            if (on_bed_of<D>(boundaries, records[k].boundary, cell, axis, up) == OnBed::foot)
+            if (acts_across<D>(boundaries.records[records[k].boundary], boundaries.cell_size, cell,
+                               axis) &&
+                on_bed_of<D>(boundaries, records[k].boundary, cell, axis, up).is == OnBed::foot)
                 found |= std::uint32_t(1) << k;
         mask[i] = found;
         flag[i] = found != 0;
@@ -128,8 +192,8 @@ struct NodeUplift {
                              int boundary) const {
         if (!(lowest.water > 0)) return 0;
         double taken = 0;
-        const OnBed where = on_bed_of<D>(node.boundaries, boundary, cell, axis, up);
-        return where == OnBed::foot && takes_from_water(cell, taken)
+        const OnBed where = on_bed_of<D>(node.boundaries, boundary, cell, axis, up).is;
+        return where == OnBed::foot && takes_from_water(cell, boundary, taken)
                    ? taken / (area(node.boundaries.cell_size) * node.clock->dt)
                    : on_lined_bed(cell, lowest);
     }
@@ -137,11 +201,16 @@ struct NodeUplift {
     /// in this step, N s: what the bed bears. Volumes beside held nodes say nothing, since held
     /// nodes need no balance of forces, and what is in motion strains cells there as it likes
     /// (design/walls.md, 8).
-    MPM_INLINE bool takes_from_water(const std::int64_t (&cell)[D], double& taken) const {
+    MPM_INLINE bool takes_from_water(const std::int64_t (&cell)[D], int boundary,
+                                     double& taken) const {
         bool lined = false;
-        for (int row = 0; row < 2; ++row) {
+        const bool surface = node.boundaries.records[boundary].surface > 0;
+        for (int row = surface ? -2 : -1; row < (surface ? 2 : 1); ++row) {
             std::int64_t at[D];
-            for (int a = 0; a < D; ++a) at[a] = cell[a] - (a == axis ? row * up : 0);
+            for (int a = 0; a < D; ++a) at[a] = cell[a] + (a == axis ? row * up : 0);
+            double normal[D] = {};
+            normal[axis] = up;
+            if (surface && !held_by_surface(boundary, at, normal)) continue;
             each_field_of_node<D>(node.grid.table, at, [&](std::int32_t slot, int n) {
                 if (of_solids(slot)) return;
                 // Along gravity, in the row of cells on the bed: lines towards other walls change
@@ -150,13 +219,26 @@ struct NodeUplift {
                     lined = lined || known.lines[known.place(slot, n) * D + axis] != 0;
                 const Sum* s = node.sums(slot, n);
                 const double mass = from_sum<double>(s[0], node.clock->unit_read[mass_sum]);
-                const double to_bed = -up * (from_sum<double>(s[(1 + axis) * block_cells],
-                                                              node.clock->unit_read[momentum_sum]) +
-                                             mass * node.clock->gravity[axis] * node.clock->dt);
-                taken += to_bed > 0 ? to_bed : 0;
+                double to_bed = 0;
+                for (int a = 0; a < D; ++a)
+                    to_bed -= normal[a] * (from_sum<double>(s[(1 + a) * block_cells],
+                                                            node.clock->unit_read[momentum_sum]) +
+                                           mass * node.clock->gravity[a] * node.clock->dt);
+                taken += to_bed > 0 ? up * normal[axis] * to_bed : 0;
             });
         }
         return !lined;
+    }
+    /// Whether a surface holds a node up, and its normal there: a row below a thin deck is held
+    /// down, by the water below it.
+    MPM_INLINE bool held_by_surface(int boundary, const std::int64_t (&cell)[D],
+                                    double (&normal)[D]) const {
+        const BoundaryView<D>& all = node.boundaries;
+        const SurfaceRecord<D>& s = all.surfaces[all.records[boundary].surface - 1];
+        double x[D], distance;
+        node_position<D>(cell, all.cell_size, x);
+        return s.field.at(x, distance, normal) && up * normal[axis] >= 0.7 &&
+               decayed(s.decay, distance / s.thickness) > 0;
     }
     /// The same between lines of linear cells, where cells are strained rightly: the mean of the
     /// second row of nodes, where water reaches that high, and the weight of what lies below it.
@@ -182,39 +264,56 @@ struct NodeUplift {
         for (int a = 1; a < D; ++a) all *= cell_size;
         return all;
     }
+    /// From a place on the bed to the next one along an axis: in its row, or one higher or lower
+    /// where a surface leans or has a step of a cell. False where the domain ends. Where the bed
+    /// ends a base has an edge, wet or dry.
+    MPM_INLINE bool next_on_bed(int boundary, int along, int side, std::int64_t (&cell)[D],
+                                BedPlace<D>& bed) const {
+        cell[along] += side;
+        if (cell[along] < 0 || cell[along] >= uplift.cells[along]) return false;
+        bed = on_bed_of<D>(node.boundaries, boundary, cell, axis, up);
+        if (bed.is == OnBed::foot || node.boundaries.records[boundary].surface == 0) return true;
+        std::int64_t there[D];
+        for (int a = 0; a < D; ++a) there[a] = cell[a];
+        there[axis] += bed.is == OnBed::inside ? up : -up;
+        const BedPlace<D> leans = on_bed_of<D>(node.boundaries, boundary, there, axis, up);
+        if (leans.is == OnBed::foot) {
+            cell[axis] = there[axis];
+            bed = leans;
+        }
+        return true;
+    }
     /// At an edge, whose first node that no base covers is given. The body fills a sixth of that
     /// one still, and weighs on the bed there: so the next one's, if water alone is at it.
     MPM_INLINE double beside_edge(const std::int64_t (&cell)[D], const Place& first, int along,
-                                  int side, double covered, int boundary) const {
+                                  int side, const UpliftRecord& r) const {
         std::int64_t next[D];
-        for (int a = 0; a < D; ++a) next[a] = cell[a] + (a == along ? side : 0);
-        if (next[along] >= 0 && next[along] < uplift.cells[along]) {
+        for (int a = 0; a < D; ++a) next[a] = cell[a];
+        BedPlace<D> bed(OnBed::none, axis, up);
+        if (next_on_bed(r.boundary, along, side, next, bed)) {
             const Place p = at(next);
-            if (p.water > 0 && p.solid < 0.1 * covered) return on_bed(next, p, boundary);
+            if (p.water > 0 && p.solid < 0.025 * part_above(bed.height) * r.full)
+                return on_bed(next, p, r.boundary);
         }
-        return on_bed(cell, first, boundary);
+        return on_bed(cell, first, r.boundary);
     }
-    /// Below a base at this place: between its edges on both sides along each axis, Pa. `covered`:
-    /// solid mass from which on a base covers a node, kg. Walls close a base.
-    MPM_INLINE double in_gap(const std::int64_t (&cell)[D], int boundary, double covered) const {
+    /// Below a base at this place: between its edges on both sides along each axis, Pa. Walls close
+    /// a base; a quarter of a body's mass covers a node.
+    MPM_INLINE double in_gap(const std::int64_t (&cell)[D], const UpliftRecord& r) const {
         double sum = 0, weight = 0;
         for (int a = 0; a < D; ++a) {
             if (a == axis) continue;
             for (int side = -1; side < 2; side += 2) {
                 std::int64_t there[D];
                 for (int c = 0; c < D; ++c) there[c] = cell[c];
-                for (int k = 1;; ++k) {
-                    there[a] += side;
-                    if (there[a] < 0 || there[a] >= uplift.cells[a]) break;
+                BedPlace<D> bed(OnBed::none, axis, up);
+                for (int k = 1; next_on_bed(r.boundary, a, side, there, bed); ++k) {
                     const Place p = at(there);
-                    if (p.solid > covered) continue;
-                    // Where the bed rises, nothing is and nothing can be; where it ends a base has
-                    // an edge, wet or dry.
-                    if (!(p.water > 0) &&
-                        on_bed_of<D>(node.boundaries, boundary, there, axis, up) == OnBed::inside)
-                        break;
+                    if (p.solid > 0.25 * part_above(bed.height) * r.full) continue;
+                    // Where the bed rises, nothing is and nothing can be.
+                    if (!(p.water > 0) && bed.is == OnBed::inside) break;
                     const double near = 1 / (k - 0.5);
-                    sum += near * beside_edge(there, p, a, side, covered, boundary);
+                    sum += near * beside_edge(there, p, a, side, r);
                     weight += near;
                     break;
                 }
@@ -222,17 +321,39 @@ struct NodeUplift {
         }
         return weight > 0 ? sum / weight : 0;
     }
-    /// Along `axis`, of a record at a node that is a foot of it, N s.
-    MPM_INLINE double operator()(std::int32_t slot, int n, const UpliftRecord& r) const {
+    /// Across the bed, of a record at a node that is a foot of it, N s.
+    MPM_INLINE Vec<double, D> operator()(std::int32_t slot, int n, const UpliftRecord& r) const {
+        Vec<double, D> impulse{};
         const BoundaryRecord<D>& b = node.boundaries.records[r.boundary];
-        if (!b.active) return 0;
+        if (!b.active) return impulse;
         const double mass = node.part_of(node.sums(slot, n), b.share);
-        if (!(mass > 0)) return 0;
+        if (!(mass > 0)) return impulse;
         std::int64_t cell[D];
         node.cell(slot, n, cell);
-        const double stands = mass < r.full ? mass / r.full : 1.0;
-        return up * stands * in_gap(cell, r.boundary, 0.25 * r.full) *
-               area(node.boundaries.cell_size) * node.clock->dt;
+        const BedPlace<D> bed = on_bed_of<D>(node.boundaries, r.boundary, cell, axis, up);
+        const double full = r.full * part_above(bed.height);
+        const double pressed = (mass < full ? mass / full : 1.0) * in_gap(cell, r) *
+                               area(node.boundaries.cell_size) * node.clock->dt;
+        const bool leans = b.surface > 0 && plane_around(cell, r.boundary, bed);
+        for (int a = 0; a < D; ++a) impulse[a] = pressed * (leans || a == axis ? bed.normal[a] : 0);
+        return impulse;
+    }
+    /// Is a surface a plane for a cell around a node? Its normal turns at edges of a level bed, and
+    /// would push a base over them.
+    MPM_INLINE bool plane_around(const std::int64_t (&cell)[D], int boundary,
+                                 const BedPlace<D>& bed) const {
+        bool plane = true;
+        for (int a = 0; a < D; ++a) {
+            if (a == axis) continue;
+            for (int side = -1; side < 2; side += 2) {
+                std::int64_t there[D];
+                for (int c = 0; c < D; ++c) there[c] = cell[c] + (c == a ? side : 0);
+                const BedPlace<D> beside = on_bed_of<D>(node.boundaries, boundary, there, axis, up);
+                const double rises = bed.height + side * bed.normal[a];
+                plane = plane && absolute(beside.height - rises) < 0.05;
+            }
+        }
+        return plane;
     }
 };
 
@@ -244,7 +365,7 @@ struct FindUplift {
     const std::int32_t* blocks;
     const std::int32_t* feet;   // by (listed block, node)
     const std::uint32_t* mask;  // (blocks, nodes)
-    Sum *before, *with;         // (feet,)
+    Sum *before, *with;         // (feet, D)
 
     MPM_INLINE void operator()(std::int64_t k) const {
         const NodeUpdate<T, Sum, D>& node = of.node;
@@ -252,15 +373,20 @@ struct FindUplift {
         const std::int32_t i = feet[k];
         const std::int32_t slot = blocks[i / block_cells];
         const int n = i % block_cells;
-        double impulse = 0;
-        for (int r = 0; r < of.uplift.count; ++r)
-            if (mask[i] >> r & 1) impulse += of(slot, n, of.uplift.records[r]);
-        const Sum p = node.sums(slot, n)[(1 + of.axis) * block_cells];
-        before[k] = p;
-        if constexpr (std::is_integral_v<Sum>)
-            with[k] = p + Sum(rint(impulse / node.clock->unit_read[momentum_sum]));
-        else
-            with[k] = p + Sum(impulse);
+        Vec<double, D> impulse{};
+        for (int r = 0; r < of.uplift.count; ++r) {
+            if (!(mask[i] >> r & 1)) continue;
+            const Vec<double, D> one = of(slot, n, of.uplift.records[r]);
+            for (int a = 0; a < D; ++a) impulse[a] += one[a];
+        }
+        for (int a = 0; a < D; ++a) {
+            const Sum p = node.sums(slot, n)[(1 + a) * block_cells];
+            before[k * D + a] = p;
+            if constexpr (std::is_integral_v<Sum>)
+                with[k * D + a] = p + Sum(rint(impulse[a] / node.clock->unit_read[momentum_sum]));
+            else
+                with[k * D + a] = p + Sum(impulse[a]);
+        }
     }
 };
 
@@ -285,14 +411,14 @@ struct SetFeet {
     const std::int32_t* feet;
     const Sum* from;
     const std::uint32_t* lifted;
-    int axis;
 
     MPM_INLINE void operator()(std::int64_t k) const {
         if (*lifted == 0) return;
         const std::int32_t i = feet[k];
-        grid.sums[(std::int64_t(blocks[i / block_cells]) * grid.sum_channels + 1 + axis) *
-                      block_cells +
-                  i % block_cells] = from[k];
+        Sum* const s = grid.sums +
+                       std::int64_t(blocks[i / block_cells]) * grid.sum_channels * block_cells +
+                       i % block_cells;
+        for (int a = 0; a < D; ++a) s[(1 + a) * block_cells] = from[k * D + a];
     }
 };
 
@@ -310,8 +436,9 @@ struct MeasureUplift {
     /// Of a load cell; -1 where its boundary has no gap, or it hears nothing of the face that has.
     MPM_INLINE int record_of(int number) const {
         const LoadCellRecord<D>& cell = cells[number];
-        const bool top = bool(of.node.boundaries.records[cell.boundary].is_box) == (of.up > 0);
-        if (!(cell.faces >> (2 * of.axis + top) & 1)) return -1;
+        const BoundaryRecord<D>& b = of.node.boundaries.records[cell.boundary];
+        const bool top = bool(b.is_box) == (of.up > 0);  // a surface has one face
+        if (b.surface == 0 && !(cell.faces >> (2 * of.axis + top) & 1)) return -1;
         for (int r = 0; r < of.uplift.count; ++r)
             if (of.uplift.records[r].boundary == cell.boundary) return r;
         return -1;
@@ -324,8 +451,9 @@ struct MeasureUplift {
         const std::uint32_t listed = touched[slot];
         if (r < 0 || listed == 0 || !(mask[std::int64_t(listed - 1) * block_cells + n] >> r & 1))
             return;
-        double f[D] = {};
-        f[of.axis] = -of(slot, n, of.uplift.records[r]);
+        const Vec<double, D> pressed = of(slot, n, of.uplift.records[r]);
+        double f[D];
+        for (int a = 0; a < D; ++a) f[a] = -pressed[a];
         add_load<D>(of.node, slot, n, cells[number], f, scales, sum);
     }
 };

@@ -74,16 +74,20 @@ Uplift<X, T, Sum, D>::Uplift(X& exec, const Spec& spec, const Plan& plan) : exec
     for (std::size_t k = 0; k < spec.boundaries.size(); ++k) {
         const BoundarySpec& b = spec.boundaries[k];
         if (!b.uplift) continue;
-        if (!b.surface.keys.empty())
+        if (b.moves || b.surface.path.given() || b.surface.turn.given())
             throw SceneError("boundary '" + b.name +
-                             "' has uplift and is a surface, whose nodes are held by parts; use a "
-                             "box on faces of cells or the walls of the domain");
+                             "' has uplift and moves, but which nodes lie above its gap is found "
+                             "once; use uplift=False for it");
+        if (linear_surface(b))
+            throw SceneError("boundary '" + b.name +
+                             "' has uplift and linear cells beside its surface, whose nodes move "
+                             "as lines; use cell=\"held\" for it");
         double density = 0;
         for (const BodySpec& body : spec.bodies)
             if (b.restricted >= 0 && body.held_by >> b.restricted & 1)
                 density =
                     std::max(density, material(body.material).density(body.parameters.data()));
-        records.push_back({int(k), above_bed * density * std::pow(spec.cell_size, D)});
+        records.push_back({int(k), density * std::pow(spec.cell_size, D)});
     }
     if (records.empty()) return;
     const auto refuse = [&](const std::string& why) {
@@ -99,19 +103,13 @@ Uplift<X, T, Sum, D>::Uplift(X& exec, const Spec& spec, const Plan& plan) : exec
     if (pressures_.size() == 0)
         refuse(
             "and no fluid has its volumes averaged, whose pressure it would be; give one FBar()");
-    double most = 0;
-    for (int a = 0; a < D; ++a) {
-        cells_[a] = spec.cells[std::size_t(a)];
-        double pull = 0;
-        for (std::size_t k = std::size_t(a); k < spec.gravity.value.size(); k += D)
-            pull += spec.gravity.value[k];
-        if (std::abs(pull) > std::abs(most)) {
-            most = pull;
-            axis_ = a;
-        }
-    }
-    if (most == 0) refuse("and there is no gravity, along which it would press");
-    up_ = most < 0 ? 1 : -1;
+    axis_ = axis_of_gravity(spec, D);
+    if (axis_ < 0) refuse("and there is no gravity, along which it would press");
+    double pull = 0;
+    for (std::size_t k = std::size_t(axis_); k < spec.gravity.value.size(); k += D)
+        pull += spec.gravity.value[k];
+    up_ = pull < 0 ? 1 : -1;
+    for (int a = 0; a < D; ++a) cells_[a] = spec.cells[std::size_t(a)];
     if (spec.contact.any()) solid_fields_.assign(fields_of_solids(spec));
     records_.assign(records);
     lifted_.assign({0});
@@ -132,8 +130,8 @@ void Uplift<X, T, Sum, D>::list(const BlockTableView<D>& table, const Walls& wal
     const std::size_t count = number.host()[0];
     feet_.reserve_discard(count);
     exec_.for_each(nodes, ListHomes{flag.data(), position.data(), feet_.data()});
-    before_.reserve_discard(count);
-    with_.reserve_discard(count);
+    before_.reserve_discard(count * D);
+    with_.reserve_discard(count * D);
     exec_.wait();
 }
 
@@ -148,7 +146,7 @@ template <class X, class T, class Sum, int D>
 void Uplift<X, T, Sum, D>::set(const Node& node, const Walls& walls, const Buffer<X, Sum>& from) {
     exec_.for_each(std::int64_t(feet_.size()),
                    SetFeet<T, Sum, D>{node.grid, walls.blocks().data(), feet_.data(), from.data(),
-                                      lifted_.data(), axis_});
+                                      lifted_.data()});
 }
 
 template <class X, class T, class Sum, int D>

@@ -10,9 +10,10 @@ import numpy as np
 
 from libmpm._src.base.time_tables import TimeTable, check_vector_table
 from libmpm._src.base.values import Checker, nearest, shown
+from libmpm._src.boundaries.checks_uplift import check_uplift
 from libmpm._src.boundaries.covered_faces import uncovered_by_motion
 from libmpm._src.boundaries.distance_field import FIELD_EDGE, distance_field, layer_of
-from libmpm._src.boundaries.responses import Displacement, Mirror, Prescribed, Sticky, Travel
+from libmpm._src.boundaries.responses import Displacement, Mirror, Prescribed, Travel
 from libmpm._src.boundaries.wall_cells import FILTERS, keeps_whole_velocity
 from libmpm._src.errors import SceneError
 from libmpm._src.sensors.engine_sensors import LoadCell
@@ -71,46 +72,7 @@ def check_motion(check: Checker, scene: SceneData, boundary: Boundary) -> None:
         check.fail("bodies and within are for square cells; expected neither on a grid")
     check_responses(check, scene, boundary)
     if boundary.uplift:
-        _check_uplift(check, scene, boundary)
-
-
-def _check_uplift(check: Checker, scene: SceneData, boundary: Boundary) -> None:
-    """Refuse water in a gap where there is none, or where it is not known."""
-    named = [b for b in scene.bodies if b.name in boundary.bodies]
-    if not boundary.bodies:
-        check.fail("uplift is True for all bodies; expected solids alone; give bodies=('block',)")
-    for body in named:
-        if body.material.table.stores_volume:
-            check.fail(f"uplift is True with body '{body.name}', a fluid; expected solids alone")
-    densities = sorted({float(body.material.parameters()["density"]) for body in named})
-    if len(densities) > 1:
-        check.fail(
-            f"uplift is True for bodies of {densities[0]:g} to {densities[-1]:g} kg/m³; expected "
-            "one density; give a boundary for each"
-        )
-    fluids = [b for b in scene.bodies if b.material.table.stores_volume]
-    if not fluids or any(b.fbar is None for b in fluids):
-        check.fail("uplift is True without fluids whose volumes are averaged; expected them, since "
-                   "others count as solids; leave fbar='default'")  # fmt: skip
-    if isinstance(scene.gravity, TimeTable) or not any(scene.gravity):
-        check.fail("uplift is True without gravity that stays as it is; expected it, since water "
-                   "presses against it; give gravity in m/s²")  # fmt: skip
-    if any(isinstance(r, Sticky) for r in boundary.responses):
-        check.fail("uplift is True of a Sticky boundary; expected one that bodies slide on and "
-                   "come off; use Separable")  # fmt: skip
-    leaning = [b.name for b in scene.boundaries if b.is_surface]
-    if leaning:
-        check.fail(
-            f"uplift is True beside boundary '{leaning[0]}', a surface, beside which nodes are "
-            "held by parts; expected a Box on faces of cells, or walls of the domain, alone"
-        )
-    if not boundary.at_rest:
-        check.fail("uplift is True of a boundary that moves; expected one at rest")
-    kernel = scene.method.kernel_choice
-    if kernel.name != "quadratic" or kernel.boundary:
-        check.fail(f"uplift is True with {kernel.text()}; expected plain quadratic splines")
-    if any(isinstance(r, Mirror) for b in scene.boundaries for r in b.responses):
-        check.fail("uplift is True beside a Mirror; expected other walls; use Slip")
+        check_uplift(check, scene, boundary)
 
 
 def check_responses(check: Checker, scene: SceneData, boundary: Boundary) -> None:

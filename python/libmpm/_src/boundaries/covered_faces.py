@@ -4,6 +4,9 @@ A body of any shape holds the nodes around it along the normal of its nearest fa
 lies on a wall, the nodes beside it would be held along the wall's normal, which the wall does
 already, and material would pass the body's front along the wall. So distances near a covered face
 are those of the nearest face that is not covered, continued straight through the wall.
+
+What is for some bodies alone may lie in the place of a wall for all, as the friction of a bed does:
+a face that looks as the wall's own does there is not covered by it.
 """
 
 from __future__ import annotations
@@ -20,15 +23,14 @@ import numpy.typing as npt
 from libmpm._src.base.time_tables import TimeTable, constant
 from libmpm._src.boundaries.responses import Displacement, Mirror, Prescribed, Travel
 from libmpm._src.shapes.boxes import FACES, Box, DomainWalls, OrientedBox
-from libmpm._src.shapes.combined import Intersection
 from libmpm._src.shapes.primitives import HalfSpace
-from libmpm._src.shapes.solid import Solid, box_distance, unit
+from libmpm._src.shapes.solid import Solid, box_distance
 
 if TYPE_CHECKING:
     from libmpm._src.scene.data import SceneData
     from libmpm._src.scene.parts import Boundary
 
-__all__ = ["Covers", "covers_of", "motion_of", "moves", "uncovered_by_motion"]
+__all__ = ["Covers", "covers_of", "distances_of", "motion_of", "moves", "uncovered_by_motion"]
 
 #: Part of a cell by which a face may lie before the wall that covers it.
 CLOSE = 0.01
@@ -48,6 +50,9 @@ _FAR, _GROWTH, _TURNS, _HALVINGS = 2e4, 0.5, 30, 6
 #: What is reported where all of a surface is covered, and how far off an edge its faces are
 #: asked for, in spacings.
 _NOWHERE, _BESIDE, _OFF = 32.0, 0.01, 0.1
+
+#: Cosine from which on two faces look alike.
+_ALIKE = 0.99
 
 Array = npt.NDArray[np.float64]
 
@@ -70,16 +75,21 @@ def moves(boundary: Boundary) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Covers:
-    """What covers a surface wherever it is: distances from it, and the surface's places (n, d)."""
+    """What covers a surface wherever it is: distances from it, and the surface's places (n, d).
+
+    `beside`: a face that looks as the cover's own does, in its plane, is not covered. It is that of
+    a boundary for some bodies, such as the friction of a bed that holds all of them.
+    """
 
     key: str
     distances: tuple[Callable[[Array], Array], ...]
     places: Array
     close: float
+    beside: bool = False
 
     def nothing(self) -> Covers:
         """Return what covers no face."""
-        return Covers("[]", (), self.places, self.close)
+        return Covers("[]", (), self.places, self.close, self.beside)
 
     def clear(self, which: int, points: Array) -> Array:
         """Return by how much points of the surface stand off a cover, at worst, m (n,)."""
@@ -120,7 +130,7 @@ class Covers:
                 break
             here = distance(x)
             slope = _slope(distance, x, _STEP * spacing)
-            direction = self._hiding(x - here[:, None] * slope, spacing)
+            direction = self._hiding(x - here[:, None] * slope, slope, spacing)
             hidden = np.any(direction != 0, axis=1)
             unsure = np.abs(np.linalg.norm(slope, axis=1) - 1) > _UNIT
             found = ~hidden & ~unsure
@@ -161,11 +171,19 @@ class Covers:
             out[behind] += lift[:, None] * self._off(k, out[behind], spacing)
         return out
 
-    def _hiding(self, places: Array, spacing: float) -> Array:
-        """Return the direction (n, d) off what covers each place of a surface; 0 in the open."""
+    def _hiding(self, places: Array, facing: Array, spacing: float) -> Array:
+        """Return the direction (n, d) off what covers each place of a surface; 0 in the open.
+
+        `facing` (n, d): where the surface looks there.
+        """
         direction = np.zeros_like(places)
         for k in range(len(self.distances)):
-            hid = self.clear(k, places) <= self.close
+            clear = self.clear(k, places)
+            hid = clear <= self.close
+            if self.beside:
+                rows = np.flatnonzero(np.abs(clear) <= self.close)
+                alike = np.sum(self._off(k, places[rows], spacing) * facing[rows], axis=1)
+                hid[rows] = alike < _ALIKE
             which = np.flatnonzero(hid & ~np.any(direction != 0, axis=1))
             if len(which):
                 direction[which] = self._off(k, places[which], spacing)
@@ -183,7 +201,7 @@ class Covers:
                 slope = _slope(distance, beside, _STEP * spacing)
                 sure = np.abs(np.linalg.norm(slope, axis=1) - 1) <= _UNIT
                 places = beside - distance(beside)[:, None] * slope
-                seen &= ~(sure & np.any(self._hiding(places, spacing) != 0, axis=1))
+                seen &= ~(sure & np.any(self._hiding(places, slope, spacing) != 0, axis=1))
         return seen
 
     def _first_seen(self, distance: Callable[[Array], Array], x: Array, last: Array,
@@ -195,7 +213,7 @@ class Covers:
             middle = 0.5 * (near + far)
             slope = _slope(distance, middle, _STEP * spacing)
             nearest = middle - distance(middle)[:, None] * slope
-            seen = ~np.any(self._hiding(nearest, spacing) != 0, axis=1)
+            seen = ~np.any(self._hiding(nearest, slope, spacing) != 0, axis=1)
             seen &= np.abs(np.linalg.norm(slope, axis=1) - 1) <= _UNIT
             far[seen], near[~seen] = middle[seen], middle[~seen]
         # Slopes are taken off the middle between both faces.
@@ -219,7 +237,8 @@ class Covers:
         turned = _slope(distance, beside, _STEP * spacing)
         whole = np.abs(np.linalg.norm(turned, axis=1) - 1) <= _UNIT
         at = beside - distance(beside)[:, None] * turned
-        whole &= ~np.any(self._hiding(at, spacing) != 0, axis=1) & (size[:, 0] > _BESIDE * spacing)
+        whole &= ~np.any(self._hiding(at, turned, spacing) != 0, axis=1)
+        whole &= size[:, 0] > _BESIDE * spacing
         slope[whole] = turned[whole]
         # A face that goes on above a place in the open does not bound it.
         outside = distance(start) > 0
@@ -300,6 +319,13 @@ def _faces(scene: SceneData, walls: Boundary) -> list[tuple[int, float, float]]:
     return out
 
 
+def distances_of(scene: SceneData, boundary: Boundary) -> list[Callable[[Array], Array]]:
+    """Return distances (n,) of points (n, d) from the faces of a boundary where it is stated."""
+    if isinstance(boundary.shape, DomainWalls):
+        return [_wall(*face) for face in _faces(scene, boundary)]
+    return [boundary.shape.distance] if isinstance(boundary.shape, Solid) else []
+
+
 def _always(boundary: Boundary, cover: Boundary) -> bool:
     """Return whether one boundary acts wherever and whenever the other does."""
     if cover.within is not None or any(isinstance(r, Prescribed) for r in cover.responses):
@@ -307,26 +333,6 @@ def _always(boundary: Boundary, cover: Boundary) -> bool:
     if cover.bodies and not (boundary.bodies and set(boundary.bodies) <= set(cover.bodies)):
         return False
     return cover.window[0] <= boundary.window[0] and cover.window[1] >= boundary.window[1]
-
-
-def _same_place(scene: SceneData, cover: object, shape: object) -> bool:
-    """Return whether a shape is a cover or a piece of one, as friction of a bed on some bodies is.
-
-    Neither covers the other: both act there.
-    """
-    if isinstance(shape, Intersection):
-        return any(_same_place(scene, cover, part) for part in shape.parts)
-    if isinstance(cover, HalfSpace) and isinstance(shape, HalfSpace):
-        if cover.dimension != shape.dimension:
-            return False
-        between = float(cover.distance(np.array([shape.point], dtype=np.float64))[0])
-        turned = np.subtract(unit(cover.normal), unit(shape.normal))
-        return abs(between) <= CLOSE * scene.cell_size and bool(np.abs(turned).max() < 1e-6)
-    return (
-        isinstance(shape, Solid)
-        and isinstance(cover, Solid)
-        and (cover.to_dict() == shape.to_dict())
-    )
 
 
 def covers_of(scene: SceneData, boundary: Boundary) -> Covers:
@@ -338,8 +344,6 @@ def covers_of(scene: SceneData, boundary: Boundary) -> Covers:
         if cover.name == boundary.name or not _always(boundary, cover) or moves(cover):
             continue
         shape = cover.shape
-        if _same_place(scene, shape, boundary.shape):
-            continue
         if isinstance(shape, DomainWalls):
             for face in _faces(scene, cover):
                 found.append(_wall(*face))
@@ -360,8 +364,9 @@ def covers_of(scene: SceneData, boundary: Boundary) -> Covers:
             found.append(shape.distance)
             keys.append(shape.to_dict())
     places = places_of(scene, boundary) if found else np.zeros((1, scene.dimension))
-    key = json.dumps([keys, places.tolist() if found else []], sort_keys=True)
-    return Covers(key, tuple(found), places, CLOSE * scene.cell_size)
+    beside = bool(boundary.bodies)
+    key = json.dumps([keys, places.tolist() if found else [], beside], sort_keys=True)
+    return Covers(key, tuple(found), places, CLOSE * scene.cell_size, beside)
 
 
 def uncovered_by_motion(scene: SceneData, boundary: Boundary) -> list[str]:

@@ -43,6 +43,7 @@ from libmpm._src.flumes.structures import (
     CONTACT_TEXT,
     EDGE_TEXT,
     EDGES,
+    UPLIFT_TEXT,
     Edges,
     add_bed_friction,
     add_contacts,
@@ -180,6 +181,7 @@ class DirectionalWaveBasin(FacilityOfStrips):
         'of blocks on the platform: "wet" or "dry" values of each kind, or one μ for all',
         default="wet", unit="1", low=0,
     )  # fmt: skip
+    uplift: bool = given(UPLIFT_TEXT, default=False)
     seed: int = given(
         "of shifts of the blocks by up to a quarter of a cell; 0 = none", default=0, unit="1",
         low=0, whole=True,
@@ -302,7 +304,7 @@ class DirectionalWaveBasin(FacilityOfStrips):
             else friction(kind, "concrete", self.friction)
             for name, kind in zip(names, kinds, strict=True)
         }  # fmt: skip
-        add_bed_friction(made, self._bed(), rubs, "platform-friction")
+        add_bed_friction(made, self._bed(), rubs, "platform-friction", uplift=self.uplift)
         add_contacts(made, self.contact)
 
     def _obstacles(self) -> tuple[tuple[int, float], ...]:

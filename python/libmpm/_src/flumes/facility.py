@@ -156,6 +156,7 @@ class Facility(Value):
     debris: str | DebrisField | None = None
     gap: float | None = None
     contact: float | None = None
+    uplift: bool = False
     packing: Literal["density", "shifting"] | None = None
 
     # What each facility says -----------------------------------------------------------------
@@ -322,6 +323,8 @@ class Facility(Value):
         for name in ("gap", "contact"):
             if getattr(self, name) is not None:
                 found[name] = check.given(name, self)
+        if not isinstance(self.uplift, bool):
+            check.fail(f"uplift is {shown(self.uplift)}; expected True or False")
         if self.packing is not None:
             found["packing"] = check.choice("packing", self.packing, PACKING)
         if self.contact is not None and self.debris is None:

@@ -17,7 +17,7 @@ from libmpm._src.shapes.primitives import HalfSpace
 from libmpm._src.shapes.solid import Solid
 
 __all__ = [
-    "BETWEEN_PIECES", "CONTACT_TEXT", "EDGES", "EDGE_TEXT", "FRICTION", "Edges",
+    "BETWEEN_PIECES", "CONTACT_TEXT", "EDGES", "EDGE_TEXT", "FRICTION", "UPLIFT_TEXT", "Edges",
     "add_bed_friction", "add_contacts", "add_structure", "bevelled", "friction",
     "structure_solid",
 ]  # fmt: skip
@@ -35,6 +35,12 @@ EDGE_TEXT = (
 CONTACT_TEXT = (
     "μ between pieces of debris, which then have velocities of their own, touch each other and are "
     "pushed by water; None = all bodies share one velocity at a node"
+)
+
+#: What a field `uplift` means, for the facilities that have one.
+UPLIFT_TEXT = (
+    "whether water in the gap below debris on the bed takes its part of the weight "
+    "(`Scene.add_boundary`); False: bases are sealed"
 )
 
 #: Coulomb friction μ of debris on a bed, with its source: (debris, bed, state) -> (μ, source).

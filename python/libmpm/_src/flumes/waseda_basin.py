@@ -29,6 +29,7 @@ from libmpm._src.flumes.structures import (
     CONTACT_TEXT,
     EDGE_TEXT,
     EDGES,
+    UPLIFT_TEXT,
     Edges,
     add_bed_friction,
     add_contacts,
@@ -156,6 +157,7 @@ class WasedaBasin(Facility):
     gap: float | None = given("between pieces; None = two cells, with `contact` none", default=None,
                               unit="m", low=0)  # fmt: skip
     contact: float | None = given(CONTACT_TEXT, default=None, unit="1", low=0)
+    uplift: bool = given(UPLIFT_TEXT, default=False)
     seed: int = given(
         "of shifts of the pieces by up to a quarter of a cell; 0 = none", default=0, unit="1",
         low=0, whole=True,
@@ -250,7 +252,8 @@ class WasedaBasin(Facility):
         if self.debris is not None:
             names = add_field(made, self.field(), elevation=_APRON)
             track(made, names, 1 / 30)
-            add_bed_friction(made, bed, dict.fromkeys(names, self.friction), "apron-friction")
+            add_bed_friction(made, bed, dict.fromkeys(names, self.friction), "apron-friction",
+                             uplift=self.uplift)  # fmt: skip
             add_contacts(made, self.contact)
         for one in self.instruments():
             if one.kind == "level":

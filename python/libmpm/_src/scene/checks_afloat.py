@@ -72,8 +72,7 @@ def held_down(scene: SceneData) -> list[str]:
             if on else
             f"{who}: stands on boundary '{boundary.name}' and {weights}, whose velocity it shares "
             "at nodes: its base is sealed, so that it rubs with all of its weight and does not "
-            "float off; expected uplift=True of a boundary for it, which Box and DomainWalls can "
-            "have, or a contact with the fluid"
+            "float off; expected uplift=True of a boundary for it, or a contact with the fluid"
         )  # fmt: skip
     return found
 
