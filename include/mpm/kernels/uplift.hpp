@@ -331,20 +331,23 @@ struct NodeUplift {
         std::int64_t cell[D];
         node.cell(slot, n, cell);
         const BedPlace<D> bed = on_bed_of<D>(node.boundaries, r.boundary, cell, axis, up);
-        const double full = r.full * part_above(bed.height);
-        const double pressed = (mass < full ? mass / full : 1.0) * in_gap(cell, r) *
+        const bool leans = b.surface > 0 && leans_around(cell, r.boundary, bed);
+        // A base on a level bed covers a node whole at most; on one that leans, where its particles
+        // stand unevenly over the rows, what one node has too much another lacks.
+        const double covered = mass / (r.full * part_above(bed.height)), most = leans ? 2 : 1;
+        const double pressed = (covered < most ? covered : most) * in_gap(cell, r) *
                                area(node.boundaries.cell_size) * node.clock->dt;
-        const bool leans = b.surface > 0 && plane_around(cell, r.boundary, bed);
         for (int a = 0; a < D; ++a) impulse[a] = pressed * (leans || a == axis ? bed.normal[a] : 0);
         return impulse;
     }
-    /// Is a surface a plane for a cell around a node? Its normal turns at edges of a level bed, and
-    /// would push a base over them.
-    MPM_INLINE bool plane_around(const std::int64_t (&cell)[D], int boundary,
+    /// Is a surface a plane that leans for a cell around a node? Its normal turns at edges of a
+    /// level bed, and would push a base over them.
+    MPM_INLINE bool leans_around(const std::int64_t (&cell)[D], int boundary,
                                  const BedPlace<D>& bed) const {
-        bool plane = true;
+        bool plane = true, level = true;
         for (int a = 0; a < D; ++a) {
             if (a == axis) continue;
+            level = level && absolute(bed.normal[a]) < 0.01;
             for (int side = -1; side < 2; side += 2) {
                 std::int64_t there[D];
                 for (int c = 0; c < D; ++c) there[c] = cell[c] + (c == a ? side : 0);
@@ -353,7 +356,7 @@ struct NodeUplift {
                 plane = plane && absolute(beside.height - rises) < 0.05;
             }
         }
-        return plane;
+        return plane && !level;
     }
 };
 
