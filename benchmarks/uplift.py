@@ -105,8 +105,10 @@ def main() -> int:
     cases += [
         ("pressed", pressed, {"cell": h, "depth": 0.045, "surface": place, "slope": slope})
         for h in cells
-        for place, slope in ((0.0, 0.0), (0.25, 0.0), (0.5, 0.0), (0.75, 0.0), (0.3, 0.05),
-                             (0.3, 0.1), (0.3, 0.2))
+        for place, slope in (
+            *((p, 0.0) for p in (0.0, 0.25, 0.5, 0.75)),
+            *((p, s) for s in (0.01, 0.05, 0.2) for p in (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9)),
+        )
     ]  # fmt: skip
     cases += [
         ("lifted", lifted, {"cell": h, "density": rho, "depth": 0.045, "uplift": u})

@@ -60,10 +60,11 @@ def test_it_is_the_same_wherever_a_surface_is_in_its_cell(cell, place, device):
 
 
 @pytest.mark.parametrize("slope", [0.05, 0.2])
-def test_it_presses_across_a_bed_that_leans(slope, device):
+@pytest.mark.parametrize("place", [0.3, 0.75])
+def test_it_presses_across_a_bed_that_leans(place, slope, device):
     """Across it p of the mean depth, and a block that friction holds stays."""
     depth = 0.045
-    scene = tank(density=1500.0, depth=depth, surface=0.3, slope=slope, friction=2.0)
+    scene = tank(density=1500.0, depth=depth, surface=place, slope=slope, friction=2.0)
     sim = libmpm.Simulation(scene, device=device, threads=1)
     before = sim.particles["debris-1"]["position"].mean(axis=0)
     sim.run(until=0.5, progress=False)
@@ -138,6 +139,17 @@ def test_a_boundary_limited_from_its_bed_on_has_all_of_it(surface):
     scene = tank(density=1500.0, surface=surface)
     here = shapes.Box(lower=(-0.25, 0.0), upper=(0.25, 0.12))
     scene.replace("bed-friction", kind="boundary", within=here)
+    sim = libmpm.Simulation(scene, device="cpu", threads=1)
+    sim.run(until=0.3, progress=False)
+    lifted = -loads(sim, "bed-friction", 0.2)[1]
+    assert lifted == pytest.approx(1000 * GRAVITY * 0.045 * area(2), rel=0.03)
+
+
+def test_a_box_beside_a_base_closes_it():
+    """Water on one side and a structure at the other: p of the open side, not half of it."""
+    scene = tank(density=1500.0, beside=(-0.3, -HALF))
+    block = shapes.Box(lower=(HALF, -1.0), upper=(0.2, 1.0))
+    scene.add_boundary(name="box", shape=block, response=boundaries.Slip(cell="held"))
     sim = libmpm.Simulation(scene, device="cpu", threads=1)
     sim.run(until=0.3, progress=False)
     lifted = -loads(sim, "bed-friction", 0.2)[1]

@@ -297,6 +297,28 @@ struct NodeUplift {
         }
         return on_bed(cell, first, r.boundary);
     }
+    /// Is a node inside of a box, or behind a face of a surface that nothing stands on?
+    MPM_INLINE bool in_a_wall(const std::int64_t (&cell)[D]) const {
+        const BoundaryView<D>& all = node.boundaries;
+        double x[D], there[D], normal[D], distance;
+        node_position<D>(cell, all.cell_size, x);
+        bool any = false;
+        for (int b = 0; b < all.count && !any; ++b) {
+            const BoundaryRecord<D>& r = all.records[b];
+            if (!r.active || r.share != 0 || r.law[0].response == Response::prescribed) continue;
+            if (r.surface > 0) {
+                const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
+                s.to_body(x, there);
+                any =
+                    s.field.at(there, distance, normal) && distance < 0 && up * normal[axis] < 0.7;
+            } else if (r.is_box) {
+                any = true;
+                for (int a = 0; a < D; ++a)
+                    any = any && cell[a] >= r.lower[a] && cell[a] < r.upper[a];
+            }
+        }
+        return any;
+    }
     /// Below a base at this place: between its edges on both sides along each axis, Pa. Walls close
     /// a base; a quarter of a body's mass covers a node.
     MPM_INLINE double in_gap(const std::int64_t (&cell)[D], const UpliftRecord& r) const {
@@ -310,8 +332,8 @@ struct NodeUplift {
                 for (int k = 1; next_on_bed(r.boundary, a, side, there, bed); ++k) {
                     const Place p = at(there);
                     if (p.solid > 0.25 * part_above(bed.height) * r.full) continue;
-                    // Where the bed rises, nothing is and nothing can be.
-                    if (!(p.water > 0) && bed.is == OnBed::inside) break;
+                    // Where the bed rises or a wall stands, nothing is and nothing can be.
+                    if (!(p.water > 0) && (bed.is == OnBed::inside || in_a_wall(there))) break;
                     const double near = 1 / (k - 0.5);
                     sum += near * beside_edge(there, p, a, side, r);
                     weight += near;
@@ -331,23 +353,20 @@ struct NodeUplift {
         std::int64_t cell[D];
         node.cell(slot, n, cell);
         const BedPlace<D> bed = on_bed_of<D>(node.boundaries, r.boundary, cell, axis, up);
-        const bool leans = b.surface > 0 && leans_around(cell, r.boundary, bed);
-        // A base on a level bed covers a node whole at most; on one that leans, where its particles
-        // stand unevenly over the rows, what one node has too much another lacks.
-        const double covered = mass / (r.full * part_above(bed.height)), most = leans ? 2 : 1;
-        const double pressed = (covered < most ? covered : most) * in_gap(cell, r) *
+        const double full = r.full * part_above(bed.height);
+        const double pressed = (mass < full ? mass / full : 1.0) * in_gap(cell, r) *
                                area(node.boundaries.cell_size) * node.clock->dt;
+        const bool leans = b.surface > 0 && plane_around(cell, r.boundary, bed);
         for (int a = 0; a < D; ++a) impulse[a] = pressed * (leans || a == axis ? bed.normal[a] : 0);
         return impulse;
     }
-    /// Is a surface a plane that leans for a cell around a node? Its normal turns at edges of a
-    /// level bed, and would push a base over them.
-    MPM_INLINE bool leans_around(const std::int64_t (&cell)[D], int boundary,
+    /// Is a surface a plane for a cell around a node? Its normal turns at edges of a level bed, and
+    /// would push a base over them.
+    MPM_INLINE bool plane_around(const std::int64_t (&cell)[D], int boundary,
                                  const BedPlace<D>& bed) const {
-        bool plane = true, level = true;
+        bool plane = true;
         for (int a = 0; a < D; ++a) {
             if (a == axis) continue;
-            level = level && absolute(bed.normal[a]) < 0.01;
             for (int side = -1; side < 2; side += 2) {
                 std::int64_t there[D];
                 for (int c = 0; c < D; ++c) there[c] = cell[c] + (c == a ? side : 0);
@@ -356,7 +375,7 @@ struct NodeUplift {
                 plane = plane && absolute(beside.height - rises) < 0.05;
             }
         }
-        return plane && !level;
+        return plane;
     }
 };
 

@@ -169,6 +169,28 @@ TEST(Uplift, IsThatOfTheOneEdgeThatNoWallCloses) {
     for (int x = 5; x < f.cells; ++x) EXPECT_NEAR(f.pressure(x), 3000, 1e-6) << x;
 }
 
+TEST(Uplift, IsThatOfTheOpenEdgeWhereABoxStandsAtTheOther) {
+    Floor<2> f;
+    for (int x = 0; x < 5; ++x) f.fluid(x, 3000);
+    for (int x = 5; x < 14; ++x) f.solid(x);
+    for (int x = 20; x < f.cells; ++x) f.fluid(x, 1000);
+    BoundaryRecord<2> both[2] = {f.record, {}};
+    BoundaryRecord<2>& box = both[1];
+    box.active = box.is_box = true;
+    box.lower[0] = 14;
+    box.upper[0] = 20;
+    box.upper[1] = f.edge;
+    for (auto& law : box.law) law.response = Response::slip;
+    auto all = f.all();
+    const auto at = [&](int x) {
+        return all(std::int32_t(x / f.edge), f.number(x, 0), f.uplift)[1] / (dt * cell);
+    };
+    for (int x = 5; x < 14; ++x) EXPECT_NEAR(at(x), 3000 * (13.5 - x) / 9, 1e-6) << x;
+    all.node.boundaries.records = both;
+    all.node.boundaries.count = 2;
+    for (int x = 5; x < 14; ++x) EXPECT_NEAR(at(x), 3000, 1e-6) << x;
+}
+
 TEST(Uplift, IsTheWeightOfTheWaterBesideOnLines) {
     for (const double depth : {0.5, 1.0, 1.5, 1.6, 2.0, 2.4, 3.0, 3.6, 5.0}) {
         Floor<2> f;
