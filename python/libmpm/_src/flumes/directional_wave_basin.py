@@ -123,7 +123,7 @@ class DirectionalWaveBasin(FacilityOfStrips):
     with the platform acts on blocks alone, each kind with its own (`flumes.FRICTION`): pieces of a
     custom field are of the kind that their prototype is named after, others need a number. Under
     blocks the bed lets go, with held nodes: off `Slip` no water lifts one; water below them takes
-    its part of their weight (`uplift`, one rank): they go three times as far with it.
+    its part of their weight (`uplift`, one rank): with it they go 2.2 to 3.5 times as far.
 
     `near_field` begins at 28.5 s, before water has come to the platform, and at x 22 m, and needs
     `width` "half". Its bed is that under blocks, which a strip has too, and its transfer that of
