@@ -238,7 +238,7 @@ def test_refusals():
     refused("uplift is True of a Sticky boundary", response=boundaries.Sticky())
     plane = shapes.HalfSpace(point=(0.0, 0.0), normal=(0.0, 1.0))
     lined = boundaries.Separable(cell="linear")
-    refused("beside boundary 'bed-friction', a surface in its place whose cells are", shape=plane,
+    refused("beside boundary 'bed-friction', a surface in its place, or that", shape=plane,
             response=lined)  # fmt: skip
     scene = tank(surface=0.5)
     scene.replace("bed", kind="boundary", response=lined)

@@ -62,9 +62,9 @@ def check_uplift(check: Checker, scene: SceneData, boundary: Boundary) -> None:
             continue
         if lined:
             check.fail(
-                f"uplift is True beside boundary '{other.name}', a surface in its place whose "
-                "cells are linear and nodes move as lines; expected held nodes; give its response "
-                "cell='held'"
+                f"uplift is True beside boundary '{other.name}', a surface in its place, or that "
+                "goes on from it, whose cells are linear and nodes move as lines; expected held "
+                "nodes; give its response cell='held'"
             )
         elif other is not boundary:
             check.fail(f"uplift is True beside boundary '{other.name}', a surface in its place "
