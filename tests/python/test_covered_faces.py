@@ -289,21 +289,25 @@ def test_a_bed_that_walls_cover_whole_acts_where_they_do():
     assert at(np.array((8, 2))) == pytest.approx(2)
 
 
+def rough_for_a_block(bed, rough):
+    """A bed for all, and a boundary in its place for a block alone."""
+    scene = Scene(dimension=2, cell_size=0.05, lower=(-1, -1), upper=(1, 1), gravity=(0, -9.81))
+    scene.add_body(name="block", shape=Box(lower=(-0.2, 0.1), upper=(0.2, 0.4)), material=WATER)
+    scene.add_boundary(name="bed", shape=bed, response=Separable(cell="held"))
+    scene.add_boundary(
+        name="rough", shape=rough, response=Separable(cell="held"), bodies=("block",)
+    )
+    return scene
+
+
 @pytest.mark.parametrize("slope", [0.0, 0.02, 0.05, 0.2])
 @pytest.mark.parametrize("far", [0.0, 2.0])
 def test_a_plane_with_friction_for_some_is_not_covered_by_the_bed_in_its_place(slope, far):
     """Both act there: its distances are those of the plane, whatever point of it names it."""
-    cell = 0.05
-    scene = Scene(dimension=2, cell_size=cell, lower=(-1, -1), upper=(1, 1), gravity=(0, -9.81))
-    scene.add_body(name="block", shape=Box(lower=(-0.2, 0.1), upper=(0.2, 0.4)), material=WATER)
     bed = HalfSpace(point=(0, 0.013), normal=(-slope, 1))
     same = HalfSpace(point=(far, 0.013 + slope * far), normal=(-2 * slope, 2))
-    scene.add_boundary(name="bed", shape=bed, response=Separable(cell="held"))
-    scene.add_boundary(name="rough", shape=same, response=Separable(cell="held"), bodies=("block",))
-    fields = [
-        distance_field.distance_field(scene, next(b for b in scene.boundaries if b.name == name))
-        for name in ("bed", "rough")
-    ]
+    scene = rough_for_a_block(bed, same)
+    fields = [distance_field.distance_field(scene, b) for b in scene.boundaries]
     assert np.array_equal(fields[0].keys, fields[1].keys)
     np.testing.assert_allclose(fields[0].values, fields[1].values, atol=1e-5)
 
@@ -323,12 +327,8 @@ AROUND = Box(lower=(-0.5, -1.5), upper=(0.5, 1))
 )  # fmt: skip
 def test_friction_for_some_is_there_whatever_names_the_beds_face(bed, rough, plane):
     """Above the bed distances are those of its plane, whatever else bounds the shape."""
-    cell = 0.05
-    scene = Scene(dimension=2, cell_size=cell, lower=(-1, -1), upper=(1, 1), gravity=(0, -9.81))
-    scene.add_body(name="block", shape=Box(lower=(-0.2, 0.1), upper=(0.2, 0.4)), material=WATER)
-    scene.add_boundary(name="bed", shape=bed, response=Separable(cell="held"))
-    scene.add_boundary(name="rough", shape=rough, response=Separable(), bodies=("block",))
-    boundary = next(b for b in scene.boundaries if b.name == "rough")
+    scene = rough_for_a_block(bed, rough)
+    cell, boundary = scene.cell_size, next(b for b in scene.boundaries if b.name == "rough")
     field = distance_field.distance_field(scene, boundary)
     for x in (-0.3, 0.0, 0.2):
         from_corner = np.array([x, 0.05]) + 1

@@ -12,7 +12,7 @@ from libmpm._src.base.values import Checker
 from libmpm._src.boundaries.covered_faces import distances_of
 from libmpm._src.boundaries.distance_field import FIELD_EDGE, distance_field
 from libmpm._src.boundaries.responses import Mirror, Sticky
-from libmpm._src.boundaries.wall_cells import strains_linearly
+from libmpm._src.boundaries.wall_cells import linear_by_default, strains_linearly
 from libmpm._src.errors import SceneError
 from libmpm._src.shapes.boxes import DomainWalls
 from libmpm._src.shapes.solid import Solid
@@ -54,9 +54,11 @@ def check_uplift(check: Checker, scene: SceneData, boundary: Boundary) -> None:
     if boundary.layer is not None:
         check.fail("uplift is True with a layer; expected layer=None, since a layer holds nodes by "
                    "parts")  # fmt: skip
+    by_default = linear_by_default(scene)
     for other in scene.boundaries:
-        lined = other.is_surface and strains_linearly(scene, other, "")
-        if not (lined or other.layer is not None) or not other.at_rest:
+        lined = other.is_surface and strains_linearly(scene, other, "", by_default)
+        layered = other.layer is not None and other is not boundary
+        if not (lined or layered) or not other.at_rest:
             continue
         if other is not boundary and not _in_one_place(scene, boundary, other):
             continue
@@ -66,7 +68,7 @@ def check_uplift(check: Checker, scene: SceneData, boundary: Boundary) -> None:
                 "goes on from it, whose cells are linear and nodes move as lines; expected held "
                 "nodes; give its response cell='held'"
             )
-        elif other is not boundary:
+        else:
             check.fail(f"uplift is True beside boundary '{other.name}', a surface in its place "
                        "whose layer holds nodes by parts; expected layer=None of it")  # fmt: skip
     for other in scene.boundaries:
