@@ -5,7 +5,9 @@
 A block of 10 by 5 cm (10 by 10 by 5 in space) stands in a tank, water beside it, held nodes,
 K 0.1 MPa, one thread. `pressed`: uplift over ρ g d A, mean of 0.2 s after 0.5 s, and the rise
 at their end, on a box on faces of cells or a surface whose plane is so many cells above one and
-may lean; `lifted`: rise after 2 s beside that at which it would float; `cost`: time
+may lean; `lifted`: rise after 2 s beside that at which it would float; `carried`: friction of
+a block in water of its own speed, less μ of what uplift leaves of its weight, over μ of all of
+it; `cost`: time
 of a step in space with uplift over that without, medians of five runs by turns. A line each goes to
 benchmarks/results/uplift.jsonl.
 """
@@ -28,7 +30,7 @@ from libmpm._src.cli import bench
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
-from support.uplift_scenes import GRAVITY, HALF, HIGH, loads, tank  # noqa: E402
+from support.uplift_scenes import DENSITY, GRAVITY, HALF, HIGH, loads, stream, tank  # noqa: E402
 
 
 def rise(sim: libmpm.Simulation, rest: float) -> float:
@@ -69,6 +71,16 @@ def lifted(cell: float, density: float, depth: float, uplift: bool) -> dict[str,
     floats = max(0.0, (depth * 0.5 / 0.6 + density / 1000 * HIGH * 0.1 / 0.6)
                  - density / 1000 * HIGH)  # fmt: skip
     return {"rise_mm": 1e3 * rise(sim, rest), "floats_mm": 1e3 * floats}
+
+
+def carried(cell: float, depth: float, dimension: int) -> dict[str, Any]:
+    """Return the error of friction over μ of the block's weight, and uplift over that weight."""
+    sim, _ = begun(stream(cell, depth=depth, dimension=dimension))
+    sim.run(until=0.1, progress=False)
+    along, down = loads(sim, "bed-friction", 0.03)
+    weight = DENSITY * GRAVITY * HIGH * (2 * HALF) ** (dimension - 1)
+    rubs = along - 0.4 * max(0.0, weight + down)
+    return {"friction_error": rubs / (0.4 * weight), "uplift_of_weight": -down / weight}
 
 
 def cost(cell: float) -> dict[str, Any]:
@@ -113,6 +125,11 @@ def main() -> int:
     cases += [
         ("lifted", lifted, {"cell": h, "density": rho, "depth": 0.045, "uplift": u})
         for u in (False, True) for h in cells for rho in (300.0, 648.0, 987.0)
+    ]  # fmt: skip
+    cases += [
+        ("carried", carried, {"cell": h, "depth": d, "dimension": n})
+        for n, cells_of in ((2, cells), (3, cells[:2])) for h in cells_of
+        for d in (0.025, 0.0375, 0.05)
     ]  # fmt: skip
     cases += [("cost", cost, {"cell": 0.0125})]
     for name, measure, arguments in cases:

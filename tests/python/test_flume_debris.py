@@ -56,11 +56,17 @@ def test_contact_lets_bars_touch_and_names_their_laws():
     assert flume.trunk().contact is None
 
 
-def test_water_beside_contact_is_not_kept_from_packing():
-    blocks = {"width": "full", "cell_size": 0.05, "debris": "hdpe", "contact": 0.3}
+def test_water_beside_contact_is_not_kept_from_packing_but_in_the_strip():
+    blocks = {"cell_size": 0.05, "debris": "hdpe", "contact": 0.3}
     for packing in ("density", "shifting"):
-        with pytest.raises(libmpm.SceneError, match=f"packing is '{packing}' with contact 0.3"):
-            flumes.DirectionalWaveBasin(**blocks, packing=packing)
+        named = f"packing is '{packing}' with contact 0.3.*expected None"
+        with pytest.raises(libmpm.SceneError, match=named):
+            flumes.DirectionalWaveBasin(**blocks, width="full", packing=packing)
+        basin = flumes.DirectionalWaveBasin(**blocks, width="half", packing=packing)
+        with pytest.raises(libmpm.SceneError, match=named + r"; or run its near_field\(\)"):
+            basin.scene()
+        assert "near_field" in str(basin)
+        assert basin.trunk().scene().bodies[0].fbar == libmpm.FBar(**{packing: True})
 
 
 @pytest.mark.parametrize(
@@ -179,6 +185,14 @@ def test_blocks_stand_in_the_cut_run_of_a_channels_strip(tmp_path):
         water = libmpm.Simulation(whole, device="cpu", threads=1).particles["water"]
         # Other layouts have the same water.
         bare = replace(flume, debris=None, structure="boxes").near_field(tmp_path, **given)
+        # With contact too, beside which nothing leads its volumes on.
+        touching = replace(flume, contact=0.3).near_field(tmp_path, **given)
+        assert touching.start == made.start and made.bodies[0].fbar == libmpm.FBar(density=True)
+        assert touching.bodies[0].fbar == libmpm.FBar()
+        touching.save(tmp_path / "scene.json")
+        assert libmpm.Scene.load(tmp_path / "scene.json") == touching
+        sim_of_both = libmpm.Simulation(touching, device="cpu", threads=1)
+        sim_of_both.step(3)
     cut = made.lower[0]
     assert cut == pytest.approx(22.05) and made.upper == pytest.approx(whole.upper)
     # At rest, and the water of half of the channel from the cut on.

@@ -16,7 +16,7 @@ import libmpm
 from libmpm import boundaries, flumes, materials, shapes
 from support.branches import assert_same
 from support.devices import device  # noqa: F401
-from support.uplift_scenes import GRAVITY, HALF, HIGH, loads, tank
+from support.uplift_scenes import DENSITY, GRAVITY, HALF, HIGH, loads, stream, tank
 
 
 def area(dimension: int) -> float:
@@ -86,6 +86,21 @@ def test_friction_is_that_of_what_is_left_of_the_weight(density, depth):
     assert pressed < 0.7 * density * GRAVITY * HIGH * 2 * HALF
     assert along / pressed == pytest.approx(0.4, rel=0.1)
     assert sim.particles["debris-1"]["velocity"][:, 0].mean() > 0
+
+
+@pytest.mark.parametrize("depth", [0.025, 0.0375, 0.05])
+@pytest.mark.parametrize("cell", [0.025, 0.0125])
+def test_water_beside_a_base_does_not_rub(cell, depth, device):
+    """In a stream of its own speed μ (W - U), to 0.06 of μ W: that of HDPE that floats is nothing.
+
+    With the part of nodes' masses for what rubs it is 0.13 of μ W at 0.05 m in the coarse cells.
+    """
+    sim = libmpm.Simulation(stream(cell, depth=depth), device=device, threads=1)
+    sim.run(until=0.1, progress=False)
+    along, down = loads(sim, "bed-friction", 0.03)
+    weight = DENSITY * GRAVITY * HIGH * 2 * HALF
+    assert -down == pytest.approx(1000 * GRAVITY * depth * 2 * HALF, rel=0.03)
+    assert along == pytest.approx(0.4 * max(0.0, weight + down), abs=0.06 * 0.4 * weight)
 
 
 def way(scene: libmpm.Scene, until: float) -> tuple[float, float]:

@@ -92,3 +92,47 @@ def loads(sim: libmpm.Simulation, name: str, begin: float = 0.0) -> np.ndarray:
     last = "force_y" if "force_z" not in series.components else "force_z"
     rows = np.asarray(series.time) > begin
     return np.array([np.asarray(series[c])[rows].mean() for c in ("force_x", last)])
+
+
+def stream(
+    cell: float,
+    *,
+    depth: float,
+    dimension: int = 2,
+    density: float = DENSITY,
+    friction: float = 0.4,
+    speed: float = 1.0,
+) -> libmpm.Scene:
+    """A block that is carried along by water of its own speed, in a channel 1.2 m long."""
+    wide = () if dimension == 2 else (0.15,)
+    y = () if dimension == 2 else (HALF,)
+    along = (speed,) + (0.0,) * (dimension - 1)
+    low = tuple(-a for a in wide)
+    scene = libmpm.Scene(
+        dimension=dimension, cell_size=cell, lower=(0.0, *low, -2 * cell), upper=(1.2, *wide, 0.15),
+        gravity=(0.0,) * (dimension - 1) + (-GRAVITY,),
+    )  # fmt: skip
+    bed = shapes.Box(lower=(-1.0,) * dimension, upper=(2.0, *(1.0 for _ in wide), 0.0))
+    block = shapes.Box(lower=(0.4 - HALF, *(-a for a in y), 0.0), upper=(0.4 + HALF, *y, HIGH))
+    scene.add_body(
+        name="debris-1", shape=block, velocity=along,
+        material=materials.FixedCorotated(
+            density=density, youngs_modulus=0.4667 * density * K / 1000, poissons_ratio=0.4
+        ),
+    )  # fmt: skip
+    water = shapes.Box(lower=(0.0, *low, 0.0), upper=(1.2, *wide, depth))
+    scene.add_body(
+        name="water", shape=shapes.Difference(whole=water, without=block), hydrostatic=depth,
+        material=materials.TaitFluid(bulk_modulus=K), velocity=along,
+    )  # fmt: skip
+    scene.add_boundary(name="bed", shape=bed, response=boundaries.Separable(cell="held"))
+    if wide:
+        sides = shapes.DomainWalls(faces=("y-", "y+"))
+        scene.add_boundary(name="sides", shape=sides, response=boundaries.Slip())
+    inlet = boundaries.Inflow(body="water", face="x-", velocity=speed, level=depth, bed=bed)
+    scene.add_flow(name="inlet", flow=inlet)
+    scene.add_flow(name="outlet", flow=boundaries.Outflow(face="x+", velocity=speed))
+    flumes.add_bed_friction(scene, bed, {"debris-1": friction}, uplift=True)
+    load = libmpm.sensors.LoadCell(boundary="bed-friction", interval=0.002)
+    scene.add_sensor(name="bed-friction", sensor=load)
+    return scene

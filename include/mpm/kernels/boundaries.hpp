@@ -135,15 +135,16 @@ struct WholeShare {
 /// What a boundary for some bodies alone, `part` of the node's mass, makes of a node's velocity
 /// `v` where other walls have changed it from what the node would do by itself, `free`: it responds
 /// to that. Of what it takes across itself, that which others have taken is not taken again,
-/// nothing where lines hold the node (`lined`); along itself it rubs with all that presses there,
-/// against what others have left the node of its velocity along it, and stops it at most. So
-/// friction beside a wall in the same place is that of what presses on both. One that sticks or
-/// prescribes has the node's velocity `v` as it is, without a part for others. `seen` hears of it
-/// once, with the last of its faces.
+/// nothing where lines hold the node (`lined`); along itself it rubs with `rubs`, a part of what
+/// presses there, against what others have left the node of its velocity along it, and stops that
+/// part at most. So friction beside a wall in the same place is that of what presses on both. One
+/// that sticks or prescribes has the node's velocity `v` as it is, without a part for others.
+/// `seen` hears of it once, with the last of its faces.
 template <class T, int D, class Seen>
 MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
-                                    const std::int64_t (&cell)[D], T part, const Vec<T, D>& free,
-                                    bool lined, Vec<T, D>& v, const Seen& seen) {
+                                    const std::int64_t (&cell)[D], T part, T rubs,
+                                    const Vec<T, D>& free, bool lined, Vec<T, D>& v,
+                                    const Seen& seen) {
     const Reconverge at_return;
     int face = -1;
     const auto hears = [&](int, int at, const Vec<T, D>&, const Vec<T, D>&) { face = at; };
@@ -173,15 +174,15 @@ MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
     apply_boundary<true>(all, b, cell, BoundAxes<D>{}, slides, hears, false);
     apply_boundary<true>(all, b, cell, BoundAxes<D>{}, rough, hears, true);
     for (int a = 0; a < D; ++a)
-        v[a] += part * (left * (smooth[a] - free[a]) + (rough[a] - slides[a]));
+        v[a] += part * left * (smooth[a] - free[a]) + rubs * (rough[a] - slides[a]);
     seen(b, face, before, v);
 }
 
 /// `seen(boundary, face, before, after)` hears of every response. `share(channels)` is the part of
 /// the node's mass that a boundary acts on: the impulse of one that is for some bodies alone is
-/// that of their mass. Those come after all others, whatever their order in the scene, since they
-/// ask what others, and those of them before, have taken. `bound`: by lines towards walls, from the
-/// velocity `by_itself`.
+/// that of their mass, and what rubs on it may be another (`share.rubs`). Those come after all
+/// others, whatever their order in the scene, since they ask what others, and those of them before,
+/// have taken. `bound`: by lines towards walls, from the velocity `by_itself`.
 template <bool special, class T, int D, class Seen, class Share = WholeShare>
 MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t (&cell)[D],
                                  Vec<T, D>& v, const Seen& seen, const Share& share = {},
@@ -212,7 +213,9 @@ MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t 
             const T part = T(share(r.share));
             if (!(part > T(0))) continue;
             if (changed()) {
-                respond_beside_others<T, D>(all, b, cell, part, free, lined, v, seen);
+                T rubs = part;
+                if constexpr (requires { share.rubs(b, part); }) rubs = share.rubs(b, part);
+                respond_beside_others<T, D>(all, b, cell, part, rubs, free, lined, v, seen);
                 continue;
             }
             const auto of_part = [&](const Vec<T, D>& from, const Vec<T, D>& to) {

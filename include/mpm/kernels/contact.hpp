@@ -7,7 +7,7 @@
 // carries the one on it, and after each push.
 //
 // All follows from sums that nobody changes, so that sensors may work it out again; what the grid
-// update has left has the same bits.
+// update has left has the same bits, or differs by rounding where products are fused with sums.
 #pragma once
 
 #include <limits>
@@ -212,7 +212,7 @@ struct NodeContact {
             m += f.mass[k];
             for (int a = 0; a < D; ++a) p[a] += f.several ? f.mass[k] * v[a] : v[a];
         }
-        // By itself it has the bits of the grid update.
+        // By itself it has what the grid update has left.
         for (int a = 0; a < D && f.several; ++a) p[a] /= m;
         f.velocity[i] = f.lined[i] = p;
         f.together[i] = m;

@@ -25,6 +25,7 @@ struct NodeUpdate {
     double light_mass;  // lighter nodes count by their part of it (kernels/clock.hpp), kg
     const GroupPressure* pressures = nullptr;  // where boxes or surfaces have linear cells
     int pressure_count = 0;
+    RubbingParts<T> rubbing = {};
 
     MPM_INLINE const Sum* sums(std::int32_t slot, int node) const {
         return grid.sums + std::int64_t(slot) * grid.sum_channels * block_cells + node;
@@ -145,40 +146,34 @@ struct NodeUpdate {
         apply_boundaries<true>(boundaries, c, v, seen, share(slot, node), BoundAxes<D>{});
         return v;
     }
-    /// Of any node, whatever boundaries a scene has.
-    template <class Seen>
-    MPM_INLINE Vec<T, D> velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
-                                  const Seen& seen) const {
-        if (boundaries.mirrors && touched[slot]) {
-            std::int64_t c[D];
-            cell(slot, node, c);
-            const Images<D> images(boundaries, c);
-            if (images.mirrored) return mirrored_velocity(images, free_velocity(m, p), seen);
-        }
-        return unmirrored_velocity(slot, node, m, p, seen);
-    }
     /// Tells `seen` what boundaries do to a node, with what is known of those beside them. `seats`:
     /// of this step.
     template <class Seen>
     MPM_INLINE void tell(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
                          const KnownNodes<D>& all, const WallSeats<T>& seats,
                          const Seen& seen) const {
-        if (!all.asks || boundaries.mirrors) {
-            velocity(slot, node, m, p, seen);
-        } else if (touched[slot]) {
-            const std::int64_t at = all.place(slot, node);
-            if (all.asks[at] == WallNode::on_lines)
-                wall_velocity<true>(slot, node, m, p, all, at, seen);
-            else if (all.asks[at] != WallNode::free)
-                wall_velocity<false>(slot, node, m, p, known_of(all, at, slot, node), at, seen,
-                                     seats);
+        if (!touched[slot]) return;
+        if (boundaries.mirrors) {
+            std::int64_t c[D];
+            cell(slot, node, c);
+            const Images<D> images(boundaries, c);
+            if (images.mirrored) {
+                mirrored_velocity(images, free_velocity(m, p), seen);
+                return;
+            }
         }
-    }
-    template <class Seen>
-    MPM_INLINE Vec<T, D> unmirrored_velocity(std::int32_t slot, int node, T m, const Vec<Sum, D>& p,
-                                             const Seen& seen) const {
-        return touched[slot] ? wall_velocity<false>(slot, node, m, p, {}, 0, seen)
-                             : free_velocity(m, p);
+        KnownNodes<D> own = {};
+        std::int64_t at = 0;
+        if (all.asks && !boundaries.mirrors) {
+            at = all.place(slot, node);
+            if (all.asks[at] == WallNode::free) return;
+            if (all.asks[at] == WallNode::on_lines) {
+                wall_velocity<true>(slot, node, m, p, all, at, seen);
+                return;
+            }
+            own = known_of(all, at, slot, node);
+        }
+        wall_velocity<false>(slot, node, m, p, own, at, seen, seats);
     }
     /// Part of a node's mass that lies in some channels.
     MPM_INLINE double part_of(const Sum* s, std::uint64_t channels) const {
@@ -188,12 +183,21 @@ struct NodeUpdate {
                 part += from_sum<double>(s[c * block_cells], clock->unit_read[mass_sum]);
         return part;
     }
-    MPM_INLINE auto share(std::int32_t slot, int node) const {
-        return [this, s = sums(slot, node)](std::uint64_t channels) {
-            const double part = part_of(s, channels) / part_of(s, 1);
+    /// Of a node, as `apply_boundaries` asks for it.
+    struct Share {
+        const NodeUpdate& of;
+        std::int32_t slot;
+        int node;
+        MPM_INLINE double operator()(std::uint64_t channels) const {
+            const Sum* s = of.sums(slot, node);
+            const double part = of.part_of(s, channels) / of.part_of(s, 1);
             return part < 1 ? part : 1.0;
-        };
-    }
+        }
+        MPM_INLINE T rubs(int boundary, T part) const {
+            return of.rubbing.at(boundary, of.touched[slot], node, part);
+        }
+    };
+    MPM_INLINE Share share(std::int32_t slot, int node) const { return {*this, slot, node}; }
     /// f(sums of a node, sign of each component) over all nodes that share by mirrored planes.
     template <class F>
     MPM_INLINE void each_image(const Images<D>& images, const F& f) const {

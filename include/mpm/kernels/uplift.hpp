@@ -27,6 +27,19 @@ MPM_INLINE double part_above(double height) {
                                      : 1;
     return height < 0 ? 1 - upper : upper;
 }
+/// The height of which that is the part.
+MPM_INLINE double height_of_part(double part) {
+    const double lower = part < 0.5 ? part : 1 - part;
+    double far = 0;  // below a half
+    if (lower < 1.0 / 6) {
+        far = 1.5 - cbrt(6 * lower);
+    } else {
+        far = (0.5 - lower) / 0.75;
+        for (int k = 0; k < 3; ++k)  // at most a half: digits double from the second on
+            far -= ((0.75 - far * far / 3) * far - (0.5 - lower)) / (0.75 - far * far);
+    }
+    return part < 0.5 ? -far : far;
+}
 /// Of a node half a cell above a bed, and the mean height of that part in cells: with s from the
 /// bed, ∫ s N ds over it.
 inline constexpr double above_bed = 5.0 / 6, height_above_bed = 0.65;
@@ -69,20 +82,36 @@ MPM_INLINE bool acts_across(const BoundaryRecord<D>& r, double cell_size,
         inside = inside && (a == axis || (x[a] >= r.within_lower[a] && x[a] <= r.within_upper[a]));
     return inside;
 }
+/// How a node stands beside the surface of a boundary at rest.
+template <int D>
+struct SurfacePlace {
+    double normal[D] = {};
+    double distance = 0;  // m
+    double leans = -1;    // part of the normal against gravity; -1 where nothing is known
+
+    MPM_INLINE SurfacePlace(const BoundaryView<D>& all, const SurfaceRecord<D>& s,
+                            const std::int64_t (&cell)[D], int axis, int up) {
+        double x[D];
+        node_position<D>(cell, all.cell_size, x);
+        if (s.field.at(x, distance, normal))
+            leans = up * normal[axis];
+        else
+            distance = 0;
+    }
+    /// Less than 45 degrees.
+    MPM_INLINE bool bears() const { return leans >= 0.7; }
+    MPM_INLINE double height(double cell_size) const { return distance / (leans * cell_size); }
+};
 /// Of a surface: its plane is where the distance says, along gravity, whatever it is limited to.
 template <int D>
 MPM_INLINE BedPlace<D> on_surface_of(const BoundaryView<D>& all, int boundary,
                                      const std::int64_t (&cell)[D], int axis, int up) {
     const SurfaceRecord<D>& s = all.surfaces[all.records[boundary].surface - 1];
-    BedPlace<D> found(OnBed::none, axis, up);
-    double x[D], normal[D], distance;
-    node_position<D>(cell, all.cell_size, x);
-    if (!s.field.at(x, distance, normal)) return found;
-    const double leans = up * normal[axis];
-    found.is = distance < 0 ? OnBed::inside : OnBed::none;
-    if (leans < 0.7) return found;
-    found.height = distance / (leans * all.cell_size);
-    for (int a = 0; a < D; ++a) found.normal[a] = normal[a] / leans;
+    const SurfacePlace<D> here(all, s, cell, axis, up);
+    BedPlace<D> found(here.distance < 0 ? OnBed::inside : OnBed::none, axis, up);
+    if (!here.bears()) return found;
+    found.height = here.height(all.cell_size);
+    for (int a = 0; a < D; ++a) found.normal[a] = here.normal[a] / here.leans;
     found.is = found.height <= lowest_foot       ? OnBed::inside
                : found.height <= lowest_foot + 1 ? OnBed::foot
                                                  : OnBed::none;
@@ -91,10 +120,9 @@ MPM_INLINE BedPlace<D> on_surface_of(const BoundaryView<D>& all, int boundary,
     if (absolute(found.height - (lowest_foot + 1)) < 0.01) {
         std::int64_t below[D];
         for (int a = 0; a < D; ++a) below[a] = cell[a] - (a == axis ? up : 0);
-        node_position<D>(below, all.cell_size, x);
-        const bool lower = s.field.at(x, distance, normal) && up * normal[axis] >= 0.7 &&
-                           distance / (up * normal[axis] * all.cell_size) > lowest_foot;
-        found.is = lower ? OnBed::none : OnBed::foot;
+        const SurfacePlace<D> lower(all, s, below, axis, up);
+        found.is =
+            lower.bears() && lower.height(all.cell_size) > lowest_foot ? OnBed::none : OnBed::foot;
     }
     return found;
 }
@@ -117,33 +145,6 @@ struct UpliftView {
     // (fields,): 1 where a field of velocities is of solids alone; null without contacts.
     const std::int32_t* solid_fields;
     std::int64_t cells[D];  // of the domain
-};
-
-/// Which records each node of the listed blocks is a foot of.
-template <int D>
-struct MarkFeet {
-    BlockTableView<D> table;
-    BoundaryView<D> boundaries;
-    const std::int32_t* blocks;
-    const UpliftRecord* records;
-    int count;
-    int axis, up;
-    std::uint32_t* mask;  // (blocks, nodes)
-    std::uint32_t* flag;  // the same: 1 where any
-
-    MPM_INLINE void operator()(std::int64_t i) const {
-        const std::int32_t slot = blocks[i / block_cells];
-        std::int64_t cell[D];
-        table.cell(slot, int(i % block_cells), cell);
-        std::uint32_t found = 0;
-        for (int k = 0; k < count; ++k)
-            if (acts_across<D>(boundaries.records[records[k].boundary], boundaries.cell_size, cell,
-                               axis) &&
-                on_bed_of<D>(boundaries, records[k].boundary, cell, axis, up).is == OnBed::foot)
-                found |= std::uint32_t(1) << k;
-        mask[i] = found;
-        flag[i] = found != 0;
-    }
 };
 
 /// Impulses of the water in the gap on one node.
@@ -204,6 +205,22 @@ struct NodeUplift {
     MPM_INLINE bool takes_from_water(const std::int64_t (&cell)[D], int boundary,
                                      double& taken) const {
         bool lined = false;
+        each_held_row(cell, boundary,
+                      [&](int row, std::int32_t slot, int n, const double(&normal)[D]) {
+                          if (of_solids(slot)) return;
+                          // Along gravity, in the row of cells on the bed: lines towards other
+                          // walls change nothing there.
+                          if (row == 0 && node.touched[slot] && known.asks)
+                              lined = lined || known.lines[known.place(slot, n) * D + axis] != 0;
+                          const double to_bed = presses(slot, n, normal);
+                          taken += to_bed > 0 ? up * normal[axis] * to_bed : 0;
+                      });
+        return !lined;
+    }
+    /// f(row, slot, node, normal) of all fields' nodes by which a bed bears what is above a place
+    /// on it, whose own row is 0.
+    template <class F>
+    MPM_INLINE void each_held_row(const std::int64_t (&cell)[D], int boundary, const F& f) const {
         const bool surface = node.boundaries.records[boundary].surface > 0;
         for (int row = surface ? -2 : -1; row < (surface ? 2 : 1); ++row) {
             std::int64_t at[D];
@@ -211,23 +228,20 @@ struct NodeUplift {
             double normal[D] = {};
             normal[axis] = up;
             if (surface && !held_by_surface(boundary, at, normal)) continue;
-            each_field_of_node<D>(node.grid.table, at, [&](std::int32_t slot, int n) {
-                if (of_solids(slot)) return;
-                // Along gravity, in the row of cells on the bed: lines towards other walls change
-                // nothing there.
-                if (row == 0 && node.touched[slot] && known.asks)
-                    lined = lined || known.lines[known.place(slot, n) * D + axis] != 0;
-                const Sum* s = node.sums(slot, n);
-                const double mass = from_sum<double>(s[0], node.clock->unit_read[mass_sum]);
-                double to_bed = 0;
-                for (int a = 0; a < D; ++a)
-                    to_bed -= normal[a] * (from_sum<double>(s[(1 + a) * block_cells],
-                                                            node.clock->unit_read[momentum_sum]) +
-                                           mass * node.clock->gravity[a] * node.clock->dt);
-                taken += to_bed > 0 ? up * normal[axis] * to_bed : 0;
-            });
+            each_field_of_node<D>(node.grid.table, at,
+                                  [&](std::int32_t slot, int n) { f(row, slot, n, normal); });
         }
-        return !lined;
+    }
+    /// What a node would press against a normal in this step, N s.
+    MPM_INLINE double presses(std::int32_t slot, int n, const double (&normal)[D]) const {
+        const Sum* s = node.sums(slot, n);
+        const double mass = from_sum<double>(s[0], node.clock->unit_read[mass_sum]);
+        double all = 0;
+        for (int a = 0; a < D; ++a)
+            all -= normal[a] * (from_sum<double>(s[(1 + a) * block_cells],
+                                                 node.clock->unit_read[momentum_sum]) +
+                                mass * node.clock->gravity[a] * node.clock->dt);
+        return all;
     }
     /// Whether a surface holds a node up, and its normal there: a row below a thin deck is held
     /// down, by the water below it.
@@ -235,10 +249,9 @@ struct NodeUplift {
                                     double (&normal)[D]) const {
         const BoundaryView<D>& all = node.boundaries;
         const SurfaceRecord<D>& s = all.surfaces[all.records[boundary].surface - 1];
-        double x[D], distance;
-        node_position<D>(cell, all.cell_size, x);
-        return s.field.at(x, distance, normal) && up * normal[axis] >= 0.7 &&
-               decayed(s.decay, distance / s.thickness) > 0;
+        const SurfacePlace<D> place(all, s, cell, axis, up);
+        for (int a = 0; a < D; ++a) normal[a] = place.normal[a];
+        return place.bears() && decayed(s.decay, place.distance / s.thickness) > 0;
     }
     /// The same between lines of linear cells, where cells are strained rightly: the mean of the
     /// second row of nodes, where water reaches that high, and the weight of what lies below it.
@@ -331,7 +344,7 @@ struct NodeUplift {
                 BedPlace<D> bed(OnBed::none, axis, up);
                 for (int k = 1; next_on_bed(r.boundary, a, side, there, bed); ++k) {
                     const Place p = at(there);
-                    if (p.solid > 0.25 * part_above(bed.height) * r.full) continue;
+                    if (covers(p, there, bed, r)) continue;
                     // Where the bed rises or a wall stands, nothing is and nothing can be.
                     if (!(p.water > 0) && (bed.is == OnBed::inside || in_a_wall(there))) break;
                     const double near = 1 / (k - 0.5);
@@ -343,22 +356,115 @@ struct NodeUplift {
         }
         return weight > 0 ? sum / weight : 0;
     }
-    /// Across the bed, of a record at a node that is a foot of it, N s.
-    MPM_INLINE Vec<double, D> operator()(std::int32_t slot, int n, const UpliftRecord& r) const {
-        Vec<double, D> impulse{};
+    /// Of a record at a node that is a foot of it. A base over a part `covered` of the bed, δ off
+    /// it, is lifted by covered (1 - wet) (p - ρ g δ).
+    struct Gap {
+        double mass = 0;        // of what may be lifted, kg
+        double covered = 0;     // by which it lifts
+        double free = 1;        // part of the bed that nothing covers
+        double filled = 0;      // part of it with water in the gap above
+        double pressed = 0;     // by water on all of the bed there, of its part along gravity, N s
+        double lifting = 0;     // likewise on the base by the gap, if that covered all
+        double normal[D] = {};  // of the bed, by its part against gravity
+        MPM_INLINE double lifts(int a) const { return covered * lifting * normal[a]; }
+    };
+    MPM_INLINE Gap gap(std::int32_t slot, int n, const UpliftRecord& r) const {
+        Gap found;
         const BoundaryRecord<D>& b = node.boundaries.records[r.boundary];
-        if (!b.active) return impulse;
-        const double mass = node.part_of(node.sums(slot, n), b.share);
-        if (!(mass > 0)) return impulse;
+        if (!b.active) return found;
+        found.mass = node.part_of(node.sums(slot, n), b.share);
+        if (!(found.mass > 0)) return found;
         std::int64_t cell[D];
         node.cell(slot, n, cell);
         const BedPlace<D> bed = on_bed_of<D>(node.boundaries, r.boundary, cell, axis, up);
-        const double full = r.full * part_above(bed.height);
-        const double pressed = (mass < full ? mass / full : 1.0) * in_gap(cell, r) *
-                               area(node.boundaries.cell_size) * node.clock->dt;
+        const Place there = at(cell);
+        found.pressed = in_gap(cell, r) * area(node.boundaries.cell_size) * node.clock->dt;
+        // A base that has come off the bed has less mass here, and as much as before in the row
+        // above, of a body that is two cells high: so high it is, and so much thicker is the gap.
+        const double whole = part_above(bed.height), foot = found.mass / r.full, own = foot / whole,
+                     above = mass_above(slot, cell, b.share) / r.full;
+        double wide = own, off = 0, left = whole;
+        for (int k = 0; k < 3; ++k) {
+            const double next = above / part_above(bed.height + 1 - off);
+            wide = next > own ? (next < 1 ? next : 1.0) : (own < 1 ? own : 1.0);
+            left = foot / wide < whole ? foot / wide : whole;
+            off = bed.height - height_of_part(left);
+            if (!(off > 0)) off = 0;
+        }
+        // What little mass is left here is pushed with at most twice its part of what was.
+        found.covered = wide < 2 * own ? wide : 2 * own;
+        const double others = there.solid > found.mass ? (there.solid - found.mass) / r.full : 0;
+        found.free = 1 - wide - others / whole;
+        if (!(found.free > 0)) found.free = 0;
+        // Water that has come into the gap carries the base: of a sixth of a cell on, since beside
+        // a base nothing tells it from what stands higher.
+        const double water_full = there.full > 0 ? there.full : uplift.pressures[0].full,
+                     opened = whole - left;
+        double wet = 0;
+        if (opened > 0.1) {
+            wet = (there.water / water_full - found.free * whole) / (wide * opened);
+            wet = wet > 0 ? (wet < 1 ? wet : 1.0) * (opened < 0.3 ? (opened - 0.1) / 0.2 : 1.0) : 0;
+        }
+        found.filled = wide * wet;
+        const double weight =
+            water_full * absolute(node.clock->gravity[axis]) * node.clock->dt * off;
+        found.lifting = found.pressed > weight ? (1 - wet) * (found.pressed - weight) : 0;
         const bool leans = b.surface > 0 && plane_around(cell, r.boundary, bed);
-        for (int a = 0; a < D; ++a) impulse[a] = pressed * (leans || a == axis ? bed.normal[a] : 0);
+        for (int a = 0; a < D; ++a) found.normal[a] = leans || a == axis ? bed.normal[a] : 0;
+        return found;
+    }
+    /// Of some channels of a node's field, in the row above it, kg.
+    MPM_INLINE double mass_above(std::int32_t slot, const std::int64_t (&cell)[D],
+                                 std::uint64_t channels) const {
+        const BlockTableView<D>& table = node.grid.table;
+        std::int64_t above[D];
+        for (int a = 0; a < D; ++a) above[a] = cell[a] + (a == axis ? up : 0);
+        double mass = 0;
+        each_field_of_node<D>(table, above, [&](std::int32_t s, int n) {
+            if (table.keys_of.field(table.keys[s]) == table.keys_of.field(table.keys[slot]))
+                mass = node.part_of(node.sums(s, n), channels);
+        });
+        return mass;
+    }
+    /// Does a base cover a place? One that has come off by a cell still does, with what it has in
+    /// the row above.
+    MPM_INLINE bool covers(const Place& p, const std::int64_t (&cell)[D], const BedPlace<D>& bed,
+                           const UpliftRecord& r) const {
+        const double least = 0.25 * r.full;
+        if (p.solid > least * part_above(bed.height)) return true;
+        if (!(p.solid > 0)) return false;
+        std::int64_t above[D];
+        for (int a = 0; a < D; ++a) above[a] = cell[a] + (a == axis ? up : 0);
+        return at(above).solid > least;
+    }
+    /// What the gap lifts there, across the bed, N s.
+    MPM_INLINE Vec<double, D> operator()(std::int32_t slot, int n, const UpliftRecord& r) const {
+        const Gap of = gap(slot, n, r);
+        Vec<double, D> impulse{};
+        for (int a = 0; a < D; ++a) impulse[a] = of.lifts(a);
         return impulse;
+    }
+    /// The part that solids rub with of what the rows below a base press on the bed, which lifts it
+    /// by `lifted` at its foot. By their part of the mass they would rub with what water beside an
+    /// edge presses at nodes of both, and not with all of their own (design/walls.md, 8). `Gap` of
+    /// the record.
+    MPM_INLINE double rubbing_part(const std::int64_t (&cell)[D], const UpliftRecord& r,
+                                   const Gap& of, const Vec<double, D>& lifted) const {
+        double all = 0, steep = 0;
+        each_held_row(cell, r.boundary,
+                      [&](int row, std::int32_t slot, int n, const double(&normal)[D]) {
+                          double to_bed = presses(slot, n, normal);
+                          for (int a = 0; a < D && row == 0; ++a) to_bed -= normal[a] * lifted[a];
+                          all += to_bed > 0 ? to_bed : 0;
+                      });
+        if (!(all > 0)) return 0;
+        for (int a = 0; a < D; ++a) steep += of.normal[a] * of.normal[a];
+        const Place there = at(cell);
+        // How high the water stands beside the base is in what it presses.
+        const double wet = (there.water > 0 ? of.free : 0) + of.filled,
+                     of_water = wet * of.pressed * sqrt(steep),
+                     solid = there.solid > of.mass ? of.mass / there.solid : 1.0;
+        return of_water < all ? solid * (1 - of_water / all) : 0;
     }
     /// Is a surface a plane for a cell around a node? Its normal turns at edges of a level bed, and
     /// would push a base over them.
@@ -376,116 +482,6 @@ struct NodeUplift {
             }
         }
         return plane;
-    }
-};
-
-/// Finds what the gaps add to the momenta of the nodes above them, and keeps these as they are and
-/// with it.
-template <class T, class Sum, int D>
-struct FindUplift {
-    NodeUplift<T, Sum, D> of;
-    const std::int32_t* blocks;
-    const std::int32_t* feet;   // by (listed block, node)
-    const std::uint32_t* mask;  // (blocks, nodes)
-    Sum *before, *with;         // (feet, D)
-
-    MPM_INLINE void operator()(std::int64_t k) const {
-        const NodeUpdate<T, Sum, D>& node = of.node;
-        if (node.clock->halt != Halt::none) return;
-        const std::int32_t i = feet[k];
-        const std::int32_t slot = blocks[i / block_cells];
-        const int n = i % block_cells;
-        Vec<double, D> impulse{};
-        for (int r = 0; r < of.uplift.count; ++r) {
-            if (!(mask[i] >> r & 1)) continue;
-            const Vec<double, D> one = of(slot, n, of.uplift.records[r]);
-            for (int a = 0; a < D; ++a) impulse[a] += one[a];
-        }
-        for (int a = 0; a < D; ++a) {
-            const Sum p = node.sums(slot, n)[(1 + a) * block_cells];
-            before[k * D + a] = p;
-            if constexpr (std::is_integral_v<Sum>)
-                with[k * D + a] = p + Sum(rint(impulse[a] / node.clock->unit_read[momentum_sum]));
-            else
-                with[k * D + a] = p + Sum(impulse[a]);
-        }
-    }
-};
-
-/// Whether the nodes are to have what the gaps add: while no clock has halted.
-struct MayLift {
-    const Clock* clock;
-    std::uint32_t* lifted;
-    MPM_INLINE void operator()() const { *lifted = clock->halt == Halt::none; }
-};
-struct NotLifted {
-    std::uint32_t* lifted;
-    MPM_INLINE void operator()() const { *lifted = 0; }
-};
-
-/// Gives the nodes the sums with what the gaps add, or takes that away again: checkpoints keep the
-/// sums without, and a reader's velocities begin with these. Nothing where they have not been
-/// lifted.
-template <class T, class Sum, int D>
-struct SetFeet {
-    GridView<T, Sum, D> grid;
-    const std::int32_t* blocks;
-    const std::int32_t* feet;
-    const Sum* from;
-    const std::uint32_t* lifted;
-
-    MPM_INLINE void operator()(std::int64_t k) const {
-        if (*lifted == 0) return;
-        const std::int32_t i = feet[k];
-        Sum* const s = grid.sums +
-                       std::int64_t(blocks[i / block_cells]) * grid.sum_channels * block_cells +
-                       i % block_cells;
-        for (int a = 0; a < D; ++a) s[(1 + a) * block_cells] = from[k * D + a];
-    }
-};
-
-/// What the water in a gap presses on the bed below it counts for the load cell of the boundary
-/// that has the gap: the boundary itself takes that much less.
-template <class T, class Sum, int D>
-struct MeasureUplift {
-    NodeUplift<T, Sum, D> of;
-    const std::uint32_t* touched;  // (slots,): 1 + place among the listed blocks
-    const std::uint32_t* mask;     // (listed blocks, nodes)
-    const std::int32_t* slots;     // blocks that the boundaries of load cells touch
-    const LoadCellRecord<D>* cells;
-    ImpulseScales scales;
-
-    /// Of a load cell; -1 where its boundary has no gap, or it hears nothing of the face that has.
-    MPM_INLINE int record_of(int number) const {
-        const LoadCellRecord<D>& cell = cells[number];
-        const BoundaryRecord<D>& b = of.node.boundaries.records[cell.boundary];
-        const bool top = bool(b.is_box) == (of.up > 0);  // a surface has one face
-        if (b.surface == 0 && !(cell.faces >> (2 * of.axis + top) & 1)) return -1;
-        for (int r = 0; r < of.uplift.count; ++r)
-            if (of.uplift.records[r].boundary == cell.boundary) return r;
-        return -1;
-    }
-    MPM_INLINE bool idle(int number) const { return record_of(number) < 0; }
-    MPM_INLINE void operator()(std::int64_t i, int number, Int128* sum) const {
-        if (of.node.clock->halt != Halt::none) return;
-        const std::int32_t slot = slots[i / block_cells];
-        const int n = int(i % block_cells), r = record_of(number);
-        const std::uint32_t listed = touched[slot];
-        if (r < 0 || listed == 0 || !(mask[std::int64_t(listed - 1) * block_cells + n] >> r & 1))
-            return;
-        const Vec<double, D> pressed = of(slot, n, of.uplift.records[r]);
-        double f[D];
-        for (int a = 0; a < D; ++a) f[a] = -pressed[a];
-        add_load<D>(of.node, slot, n, cells[number], f, scales, sum);
-    }
-};
-
-/// Adds to what a load cell has of this step.
-template <int D>
-struct AddToLoad {
-    Int128* impulse;  // (cells, columns)
-    MPM_INLINE void operator()(int number, const Int128* sum) const {
-        for (int c = 0; c < load_columns<D>; ++c) impulse[number * load_columns<D> + c] += sum[c];
     }
 };
 

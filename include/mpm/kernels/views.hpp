@@ -35,7 +35,7 @@ struct GroupChannels {
     int average = -1;
     int sum = -1;
     int weight = -1;
-    bool split = false;  // the average is made anew within the step
+    bool split = false;  // the average is made once more within the step
 };
 
 template <class T, int D>
@@ -115,5 +115,23 @@ MPM_INLINE void for_each_of_lane(const BodyView<T, D>& body, std::int32_t slot, 
         for (std::uint32_t p = start[lane]; p < start[lane + 1]; ++p) f(p, lane);
     }
 }
+
+/// Of what nodes press on a bed with water in the gap below solids, the part that these rub with:
+/// without what water beside them presses there (kernels/uplift.hpp).
+template <class T>
+struct RubbingParts {
+    const T* part = nullptr;  // (records, listed blocks, nodes), 1 more than it is, or 0 where that
+                              // of the mass counts; null where no boundary has such a gap
+    const std::int32_t* record = nullptr;  // by boundary, -1 without a gap
+    std::int64_t nodes = 0;                // of all listed blocks
+
+    /// `touched`: 1 + place of a block among the listed ones.
+    MPM_INLINE T at(int boundary, std::uint32_t touched, int node, T of_mass) const {
+        if (!part || touched == 0 || record[boundary] < 0) return of_mass;
+        const std::int64_t place = std::int64_t(touched - 1) * block_cells + node;
+        const T found = part[record[boundary] * nodes + place];
+        return found > T(0) ? found - T(1) : of_mass;
+    }
+};
 
 }  // namespace mpm

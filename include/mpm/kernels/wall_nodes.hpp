@@ -39,12 +39,12 @@ struct FindKeptBlocks {
     const std::uint32_t* touched;
     const std::uint64_t* keys;  // of the last list, ascending
     std::int32_t count;
-    std::int32_t* kept;   // (slots,): place in the last list, or -1
-    std::uint32_t* anew;  // (slots,): 1 where its nodes are classified
+    std::int32_t* kept;         // (slots,): place in the last list, or -1
+    std::uint32_t* classified;  // (slots,): 1 where its nodes are classified
 
     MPM_INLINE void operator()(std::int64_t slot) const {
         kept[slot] = touched[slot] && stays(slot) ? find_key(keys, count, table.keys[slot]) : -1;
-        anew[slot] = touched[slot] && kept[slot] < 0;
+        classified[slot] = touched[slot] && kept[slot] < 0;
     }
     /// Is nothing in sight that moves, or acts for a time?
     MPM_INLINE bool stays(std::int64_t slot) const {
@@ -68,12 +68,12 @@ struct FindKeptBlocks {
 struct ListWallBlocks {
     const std::uint64_t* keys;      // of the table
     const std::uint32_t* position;  // scan of `touched`
-    const std::uint32_t* anew;
-    const std::uint32_t* anew_position;  // scan of it
+    const std::uint32_t* classified;
+    const std::uint32_t* classified_position;  // scan of it
     std::uint32_t* touched;
     std::int32_t* list;
     std::uint64_t* list_keys;
-    std::int32_t* list_anew;  // places in the list
+    std::int32_t* list_classified;  // places in the list
 
     MPM_INLINE void operator()(std::int64_t slot) const {
         if (!touched[slot]) return;
@@ -81,7 +81,7 @@ struct ListWallBlocks {
         touched[slot] = 1 + place;
         list[place] = std::int32_t(slot);
         list_keys[place] = keys[slot];
-        if (anew[slot]) list_anew[anew_position[slot]] = std::int32_t(place);
+        if (classified[slot]) list_classified[classified_position[slot]] = std::int32_t(place);
     }
 };
 
@@ -123,13 +123,13 @@ struct ClassifyWallNodes {
     BlockTableView<D> table;
     BoundaryView<D> boundaries;
     const std::int32_t* blocks;
-    const std::int32_t* anew;  // places of those in the list that are not kept
-    bool edges;                // those of boxes push (`FollowLines::push_at_edges`)
+    const std::int32_t* classified;  // places of those in the list that are not kept
+    bool edges;                      // those of boxes push (`FollowLines::push_at_edges`)
     FoundWallNodes<D> to;
 
     MPM_INLINE void operator()(std::int64_t k) const {
         const int n = int(k % block_cells);
-        const std::int32_t place = anew[k / block_cells], slot = blocks[place];
+        const std::int32_t place = classified[k / block_cells], slot = blocks[place];
         const std::int64_t i = std::int64_t(place) * block_cells + n;
         std::int64_t cell[D];
         table.cell(slot, n, cell);

@@ -87,7 +87,7 @@ public:
     const Buffer<X, WallAsks>& asks() const { return nodes_.asks; }
     const Buffer<X, std::uint32_t>& lines() const { return nodes_.lines; }  // packed
     /// How many of them the last list did not have, or had by boundaries that change.
-    std::size_t blocks_anew() const { return anew_; }
+    std::size_t blocks_classified() const { return classified_; }
     /// What stays of nodes that are not `WallNode::unknown`.
     KnownNodes<D> known() const {
         if (!lists()) return {};
@@ -120,7 +120,7 @@ private:
     void set_fields(const Spec& spec);
     void list_touched(const BlockTableView<D>& table);
     void list_blocks(const BlockTableView<D>& table, Buffer<X, std::int32_t>& kept,
-                     Buffer<X, std::int32_t>& anew);
+                     Buffer<X, std::int32_t>& classified);
     void list_passes(const BlockTableView<D>& table);
 
     X& exec_;
@@ -146,7 +146,7 @@ private:
     Buffer<X, std::int32_t> blocks_{exec_};
     Buffer<X, std::uint64_t> block_keys_{exec_};  // of listed blocks
     BlockKeys<D> keys_of_{};                      // how to read them
-    std::size_t anew_ = 0;
+    std::size_t classified_ = 0;
     // By (listed block, node); room for those of the next list, once it keeps any.
     WallNodeBuffers<X, D> nodes_{exec_}, nodes_before_{exec_};
     Buffer<X, std::int32_t> of_pass_[wall_passes] = {Buffer<X, std::int32_t>(exec_),
@@ -359,49 +359,51 @@ void Boundaries<X, D>::touch(const BlockTableView<D>& table) {
 
 template <class X, int D>
 void Boundaries<X, D>::list_touched(const BlockTableView<D>& table) {
-    Buffer<X, std::int32_t> kept(exec_), anew(exec_);
-    list_blocks(table, kept, anew);
+    Buffer<X, std::int32_t> kept(exec_), classified(exec_);
+    list_blocks(table, kept, classified);
     const std::size_t blocks = blocks_.size(), nodes = blocks * block_cells;
-    anew_ = anew.size();
-    if (anew_ < blocks) nodes_.swap(nodes_before_);
+    classified_ = classified.size();
+    if (classified_ < blocks) nodes_.swap(nodes_before_);
     nodes_.reserve_discard(nodes, linear_surfaces_);
-    if (anew_ < blocks)
+    if (classified_ < blocks)
         exec_.for_each(
             std::int64_t(nodes),
             KeepWallNodes<D>{blocks_.data(), kept.data(), nodes_before_.found(), nodes_.found()});
-    exec_.for_each(std::int64_t(anew_ * block_cells),
-                   ClassifyWallNodes<D>{table, view(), blocks_.data(), anew.data(),
+    exec_.for_each(std::int64_t(classified_ * block_cells),
+                   ClassifyWallNodes<D>{table, view(), blocks_.data(), classified.data(),
                                         pressures_.size() > 0, nodes_.found()});
     list_passes(table);
     exec_.wait();
 }
 
-/// Lists the touched blocks. `kept`: of each slot, its place in the list before; `anew`: places in
-/// the list of those that are not kept.
+/// Lists the touched blocks. `kept`: of each slot, its place in the list before; `classified`:
+/// places in the list of those that are not kept.
 template <class X, int D>
 void Boundaries<X, D>::list_blocks(const BlockTableView<D>& table, Buffer<X, std::int32_t>& kept,
-                                   Buffer<X, std::int32_t>& anew) {
+                                   Buffer<X, std::int32_t>& classified) {
     const std::int64_t slots = table.slots;
-    Buffer<X, std::uint32_t> position(exec_), flag(exec_), anew_position(exec_), numbers(exec_);
+    Buffer<X, std::uint32_t> position(exec_), flag(exec_), classified_position(exec_),
+        numbers(exec_);
     flag.reserve_discard(std::size_t(slots));
     kept.reserve_discard(std::size_t(slots));
-    for (auto* scan : {&position, &anew_position}) scan->reserve_discard(std::size_t(slots) + 1);
+    for (auto* scan : {&position, &classified_position})
+        scan->reserve_discard(std::size_t(slots) + 1);
     numbers.reserve_discard(2);
     const bool known = keys_of_.same_as(table.keys_of);
     exec_.for_each(slots, FindKeptBlocks<D>{table, view(), touched_.data(), block_keys_.data(),
                                             known ? std::int32_t(block_keys_.size()) : 0,
                                             kept.data(), flag.data()});
     exec_.exclusive_scan(touched_.data(), position.data(), slots);
-    exec_.exclusive_scan(flag.data(), anew_position.data(), slots);
+    exec_.exclusive_scan(flag.data(), classified_position.data(), slots);
     exec_.copy(numbers.data(), position.data() + slots, sizeof(std::uint32_t));
-    exec_.copy(numbers.data() + 1, anew_position.data() + slots, sizeof(std::uint32_t));
+    exec_.copy(numbers.data() + 1, classified_position.data() + slots, sizeof(std::uint32_t));
     const std::vector<std::uint32_t> counts = numbers.host();
     blocks_.reserve_discard(counts[0]);
     block_keys_.reserve_discard(counts[0]);
-    anew.reserve_discard(counts[1]);
-    exec_.for_each(
-        slots, ListWallBlocks{table.keys, position.data(), flag.data(), anew_position.data(),
-                              touched_.data(), blocks_.data(), block_keys_.data(), anew.data()});
+    classified.reserve_discard(counts[1]);
+    exec_.for_each(slots, ListWallBlocks{table.keys, position.data(), flag.data(),
+                                         classified_position.data(), touched_.data(),
+                                         blocks_.data(), block_keys_.data(), classified.data()});
     keys_of_ = table.keys_of;
 }
 

@@ -456,7 +456,8 @@ private:
                 least_mass_,
                 light_mass_,
                 boundaries_.pressures().data(),
-                int(boundaries_.pressures().size())};
+                int(boundaries_.pressures().size()),
+                uplift_.rubbing()};
     }
     WallNodes<Grid, D> wall_nodes() {
         if (!boundaries_.lists()) return {};

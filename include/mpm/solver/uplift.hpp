@@ -1,5 +1,5 @@
 // Boundaries with water in the gap below what stands on them: which nodes lie above such a gap, and
-// what it adds to their sums (kernels/uplift.hpp).
+// what it adds to their sums and leaves of what rubs there (kernels/uplift.hpp).
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 #include "mpm/core/error.hpp"
 #include "mpm/exec/buffer.hpp"
 #include "mpm/kernels/sorting.hpp"
-#include "mpm/kernels/uplift.hpp"
+#include "mpm/kernels/uplift_passes.hpp"
 #include "mpm/solver/boundaries.hpp"
 #include "mpm/solver/fluids.hpp"
 
@@ -35,12 +35,18 @@ public:
     /// From here to `lower` the sums have it.
     void raise(const Node& node, const Walls& walls);
     void lower(const Node& node, const Walls& walls);
+    /// What of a node rubs on them in this step.
+    RubbingParts<T> rubbing() const {
+        if (rubbing_.size() == 0) return {};
+        return {rubbing_.data(), record_of_.data(), nodes_};
+    }
     /// What a load cell of one of them asks.
     MeasureUplift<T, Sum, D> measured(const Node& node, const Walls& walls,
                                       const std::int32_t* slots, const LoadCellRecord<D>* cells,
                                       const ImpulseScales& scales) const;
     double bytes() const {
-        return double(mask_.bytes() + feet_.bytes() + before_.bytes() + with_.bytes());
+        return double(mask_.bytes() + feet_.bytes() + before_.bytes() + with_.bytes() +
+                      rubbing_.bytes() + record_of_.bytes());
     }
 
 private:
@@ -66,6 +72,9 @@ private:
     Buffer<X, std::int32_t> feet_{exec_};   // by (listed block, node)
     Buffer<X, Sum> before_{exec_}, with_{exec_};
     Buffer<X, std::uint32_t> lifted_{exec_};
+    Buffer<X, std::int32_t> record_of_{exec_};  // by boundary, -1 without a gap
+    Buffer<X, T> rubbing_{exec_};               // (records, listed blocks, nodes)
+    std::int64_t nodes_ = 0;                    // of the listed blocks
 };
 
 template <class X, class T, class Sum, int D>
@@ -110,7 +119,14 @@ Uplift<X, T, Sum, D>::Uplift(X& exec, const Spec& spec, const Plan& plan) : exec
         pull += spec.gravity.value[k];
     up_ = pull < 0 ? 1 : -1;
     for (int a = 0; a < D; ++a) cells_[a] = spec.cells[std::size_t(a)];
-    if (spec.contact.any()) solid_fields_.assign(fields_of_solids(spec));
+    if (spec.contact.any()) {
+        solid_fields_.assign(fields_of_solids(spec));
+    } else {
+        std::vector<std::int32_t> record_of(spec.boundaries.size(), -1);
+        for (std::size_t r = 0; r < records.size(); ++r)
+            record_of[std::size_t(records[r].boundary)] = std::int32_t(r);
+        record_of_.assign(record_of);
+    }
     records_.assign(records);
     lifted_.assign({0});
 }
@@ -132,6 +148,11 @@ void Uplift<X, T, Sum, D>::list(const BlockTableView<D>& table, const Walls& wal
     exec_.for_each(nodes, ListHomes{flag.data(), position.data(), feet_.data()});
     before_.reserve_discard(count * D);
     with_.reserve_discard(count * D);
+    nodes_ = nodes;
+    if (record_of_.size() > 0) {
+        rubbing_.reserve_discard(records_.size() * std::size_t(nodes));
+        rubbing_.zero();
+    }
     exec_.wait();
 }
 
@@ -139,7 +160,8 @@ template <class X, class T, class Sum, int D>
 void Uplift<X, T, Sum, D>::find(const Node& node, const Walls& walls) {
     exec_.for_each(std::int64_t(feet_.size()),
                    FindUplift<T, Sum, D>{of(node, walls), walls.blocks().data(), feet_.data(),
-                                         mask_.data(), before_.data(), with_.data()});
+                                         mask_.data(), before_.data(), with_.data(),
+                                         rubbing_.size() > 0 ? rubbing_.data() : nullptr, nodes_});
 }
 
 template <class X, class T, class Sum, int D>

@@ -1,129 +1,16 @@
 // Water in the gap below a base, on nodal sums written by hand.
-#include "mpm/kernels/uplift.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstdint>
-#include <functional>
 #include <vector>
+
+#include "support/floors.hpp"
 
 namespace mpm {
 namespace {
 
-constexpr double stiffness = 1e5, exponent = 7, density = 1000, cell = 0.1, dt = 1e-3;
-
-/// A floor of blocks in a row along the first axis, of solids of 500 kg/m³ and water, which have
-/// velocities of their own where there are two `fields`.
-template <int D, int fields = 1>
-struct Floor {
-    static constexpr int edge = Block<D>::edge, count = 3, channels = 4 + D, cells = edge * count;
-    static constexpr int up = D - 1;
-    enum { solid_mass = 1 + D, volumes = 2 + D, water_mass = 3 + D };
-    BlockKeys<D> keys_of{};
-    static constexpr int slots = count * fields;
-    std::uint64_t keys[slots];
-    std::int32_t corners[slots * D] = {}, of_solids[fields] = {};
-    std::vector<double> sums = std::vector<double>(slots * channels * block_cells);
-    std::uint32_t touched[slots] = {};
-    bool lined = false;
-    std::vector<std::uint32_t> lines = std::vector<std::uint32_t>(slots * block_cells * D, 1),
-                               listed = std::vector<std::uint32_t>(slots);
-    std::vector<WallAsks> asks = std::vector<WallAsks>(slots * block_cells, WallNode::on_lines);
-    BoundaryRecord<D> record{};
-    Clock clock{};
-    GroupPressure water{volumes, water_mass, stiffness, exponent, density* std::pow(cell, D)};
-    UpliftRecord uplift{0, 500 * std::pow(cell, D)};
-    double covered = above_bed * uplift.full;  // of a node on the bed that a body covers, kg
-
-    Floor() {
-        std::fill(keys_of.counts, keys_of.counts + D, 8);
-        keys_of.counts[0] = count + 4;
-        keys_of.fields = fields;
-        of_solids[fields - 1] = fields > 1;
-        for (int k = 0; k < slots; ++k) {
-            std::int64_t block[D] = {};
-            block[0] = k / fields;
-            keys[k] = keys_of.key(block, k % fields);
-            corners[k * D] = k / fields * edge;
-            touched[k] = listed[k] = std::uint32_t(k + 1);
-        }
-        clock.dt = dt;
-        clock.gravity[up] = -10;
-        clock.halt = Halt::none;
-        record.active = true;
-        record.share = std::uint64_t(1) << solid_mass;
-        for (int a = 0; a < D; ++a) record.upper[a] = a == 0 ? cells : edge;
-        record.present[2 * up] = 1;
-        record.law[2 * up].response = Response::separable;
-    }
-    int number(std::int64_t x, std::int64_t y) const {
-        int in[D] = {};
-        in[0] = int(x % edge);
-        if (D == 3) in[1] = int(y);
-        return Block<D>::cell(in);
-    }
-    double* at(std::int64_t x, std::int64_t y = 0, int field = 0) {
-        return sums.data() + (x / edge * fields + field) * channels * block_cells + number(x, y);
-    }
-    void solid(std::int64_t x, std::int64_t y = 0, double part = 1) {
-        double* const s = at(x, y, fields - 1);
-        s[0] += part * covered;
-        s[solid_mass * block_cells] += part * covered;
-    }
-    /// Which the bed bears with so much, Pa, at a node that it holds.
-    void fluid(std::int64_t x, double pressure, std::int64_t y = 0) {
-        const double mass = above_bed * water.full;
-        double* const s = at(x, y);
-        s[0] += mass;
-        s[water_mass * block_cells] += mass;
-        s[(1 + up) * block_cells] += dt * (10 * mass - pressure * std::pow(cell, D - 1));
-    }
-    /// Water at rest of so many cells between lines, by quadratic splines, for the plane.
-    void column(std::int64_t x, double depth) {
-        constexpr int steps = 4000;
-        for (int row = 0; row < edge; ++row) {
-            const int in[2] = {int(x % edge), row};
-            double* const s =
-                sums.data() + x / edge * fields * channels * block_cells + Block<2>::cell(in);
-            for (int k = 0; k < steps; ++k) {
-                const double y = (k + 0.5) * depth / steps, far = std::abs(y - row - 0.5);
-                const double weight = far < 0.5   ? 0.75 - far * far
-                                      : far < 1.5 ? 0.5 * (1.5 - far) * (1.5 - far)
-                                                  : 0;
-                const double mass = weight * water.full * depth / steps;
-                const double j = -std::expm1(
-                    -std::log1p(density * 10 * cell * (depth - y) / stiffness) / exponent);
-                s[0] += mass;
-                s[water_mass * block_cells] += mass;
-                s[volumes * block_cells] += mass * j;
-            }
-        }
-    }
-    NodeUplift<double, double, D> all() {
-        NodeUpdate<double, double, D> node{};
-        node.grid.table = {keys_of, slots, keys, corners, nullptr};
-        node.grid.sums = sums.data();
-        node.grid.sum_channels = channels;
-        node.clock = &clock;
-        node.boundaries = {&record, 1, nullptr, cell, 1};
-        node.touched = touched;
-        NodeUplift<double, double, D> found{
-            node,
-            lined ? KnownNodes<D>{lines.data(), nullptr, listed.data(), asks.data()}
-                  : KnownNodes<D>{},
-            {&uplift, 1, &water, 1, fields > 1 ? of_solids : nullptr, {}},
-            up,
-            1};
-        for (int a = 0; a < D; ++a) found.uplift.cells[a] = a == 0 ? cells : edge;
-        return found;
-    }
-    /// On the base, Pa, at a node that it covers whole.
-    double pressure(std::int64_t x, std::int64_t y = 0) {
-        return all()(std::int32_t(x / edge * fields + fields - 1), number(x, y), uplift)[up] /
-               (dt * std::pow(cell, D - 1));
-    }
-};
+using namespace test;
 
 template <class Floor>
 void expect_linear_between_edges() {
@@ -247,86 +134,6 @@ TEST(Uplift, IsNothingWhereItsBoundaryDoesNotAct) {
     f.record.active = false;
     EXPECT_EQ(f.pressure(7), 0);
 }
-
-/// A bed that is a surface: its plane through the middle of the row of blocks.
-struct LeaningFloor : Floor<2> {
-    static constexpr int wide = 4;  // blocks of distances, along each axis
-    std::vector<std::uint64_t> surface_keys;
-    std::vector<std::int32_t> places;
-    std::vector<float> distances;
-    SurfaceRecord<2> surface{};
-    double slope, lowest;  // of the plane; its height at x = 0, in cells
-
-    LeaningFloor(double lowest, double slope) : slope(slope), lowest(lowest) {
-        constexpr int side = DistanceField<2>::edge, n = side + 1;
-        const double length = std::hypot(1.0, slope);
-        for (int b = 0; b < wide * wide; ++b) {
-            surface_keys.push_back(std::uint64_t(b));
-            places.push_back(b);
-            for (int i = 0; i < n; ++i)
-                for (int j = 0; j < n; ++j)
-                    distances.push_back(float(
-                        (b % wide * side + j - lowest - slope * (b / wide * side + i)) / length));
-        }
-        surface.field = {surface_keys.data(), places.data(), distances.data(), wide * wide, {0, 0},
-                         {wide, wide},        {0, 0},        1 / cell};
-        surface.decay = Decay::constrained;
-        surface.thickness = cell;
-        surface.axis[2] = 1;
-        surface.set(0);
-        record.surface = 1;
-        record.law[0].response = Response::separable;
-    }
-    NodeUplift<double, double, 2> all() {
-        auto found = Floor<2>::all();
-        found.node.boundaries.surfaces = &surface;
-        return found;
-    }
-    double above(int x, int y) const { return y + 0.5 - lowest - slope * (x + 0.5); }
-    /// The row of a base at x.
-    int row(int x) const {
-        int y = 0;
-        while (above(x, y) <= lowest_foot) ++y;
-        return y;
-    }
-    double* node(int x, int y) {
-        const int in[2] = {x % edge, y};
-        return sums.data() + x / edge * channels * block_cells + Block<2>::cell(in);
-    }
-    void solid(int x) {
-        for (int y = 0; y < edge; ++y) {
-            const double mass = uplift.full * part_above(above(x, y));
-            node(x, y)[0] += mass;
-            node(x, y)[solid_mass * block_cells] += mass;
-        }
-    }
-    /// At rest, of so much on the bed, Pa: rows that it holds bear it, as their splines there are.
-    void fluid(int x, double pressure) {
-        const auto part = [&](int y) {
-            const double far = std::abs(above(x, y));
-            if (above(x, y) / std::hypot(1.0, slope) > 1) return 0.0;
-            return far < 0.5 ? 0.75 - far * far : far < 1.5 ? 0.5 * (1.5 - far) * (1.5 - far) : 0.0;
-        };
-        double all = 0;
-        for (int y = 0; y < edge; ++y) all += part(y);
-        for (int y = 0; y < edge; ++y) {
-            const double mass = water.full * part_above(above(x, y));
-            if (!(mass > 0)) continue;
-            double* const s = node(x, y);
-            s[0] += mass;
-            s[water_mass * block_cells] += mass;
-            const double held = dt * pressure * part(y) / all * cell;
-            s[block_cells] += slope * held;
-            s[2 * block_cells] += dt * 10 * mass - held;
-        }
-    }
-    Vec<double, 2> pressure(int x) {
-        const int in[2] = {x % edge, row(x)};
-        auto p = all()(x / edge, Block<2>::cell(in), uplift);
-        for (int a = 0; a < 2; ++a) p[a] /= dt * cell;
-        return p;
-    }
-};
 
 TEST(Uplift, IsTheSameWhereverASurfaceIsInItsCell) {
     for (double lowest = 1.0; lowest < 2.0; lowest += 0.0625) {
@@ -468,6 +275,138 @@ TEST(Uplift, CountsThePartOfANodeAboveABed) {
     EXPECT_DOUBLE_EQ(part_above(0.5), above_bed);
 }
 
+TEST(Uplift, FindsTheHeightOfAPart) {
+    for (double d = -1.45; d < 1.46; d += 0.05)
+        EXPECT_NEAR(height_of_part(part_above(d)), d, 1e-6) << d;
+    EXPECT_NEAR(height_of_part(above_bed), 0.5, 1e-12);
+}
+
+/// A base of one part of all nodes from 5 to 10 that is so many cells off the bed, and water beside
+/// it and, by `wet`, below.
+Floor<2> lifted_base(double off, double part = 1, double wet = 0) {
+    Floor<2> f;
+    for (int x = 0; x < f.cells; ++x) {
+        if (x < 5 || x > 10) {
+            f.fluid(x, 3000);
+            continue;
+        }
+        for (int row = 0; row < 2; ++row) {
+            const int in[2] = {x % f.edge, row};
+            double* const s =
+                f.sums.data() + x / f.edge * f.channels * block_cells + Block<2>::cell(in);
+            const double mass = part * f.uplift.full * part_above(row + 0.5 - off);
+            s[0] += mass;
+            s[f.solid_mass * block_cells] += mass;
+            const double film =
+                row > 0 ? 0 : wet * part * f.water.full * (above_bed - part_above(0.5 - off));
+            s[0] += film;
+            s[f.water_mass * block_cells] += film;
+        }
+    }
+    return f;
+}
+
+TEST(Uplift, IsThatAtTheHeightOfABaseThatHasComeOff) {
+    for (const double part : {1.0, 0.7})
+        for (const double off : {0.05, 0.1, 0.2, 0.4, 0.6}) {
+            Floor<2> f = lifted_base(off, part);
+            const double at_base = 3000 - density * 10 * cell * off;
+            EXPECT_NEAR(f.pressure(7), part * at_base, 0.005 * 3000) << off;
+        }
+    // What is left at the foot is pushed by twice its part at most: it has little mass.
+    for (const double off : {0.8, 1.0, 1.2, 1.4}) {
+        Floor<2> f = lifted_base(off);
+        const double own = part_above(0.5 - off) / above_bed;
+        EXPECT_LE(f.pressure(7), 2 * own * 3000) << off;
+        EXPECT_GT(f.pressure(7), own * (3000 - density * 10 * cell * off)) << off;
+    }
+}
+
+TEST(Uplift, IsNothingWhereWaterHasFilledTheGap) {
+    for (const double off : {0.5, 0.6, 0.8}) {
+        const double dry = lifted_base(off).pressure(7);
+        EXPECT_NEAR(lifted_base(off, 1, 0.5).pressure(7), 0.5 * dry, 0.1 * dry) << off;
+        EXPECT_NEAR(lifted_base(off, 1, 1).pressure(7), 0, 0.1 * dry) << off;
+    }
+}
+
+TEST(Uplift, IsThatAtTheHeightOfABaseOffASurfaceToo) {
+    for (double lowest = 1.0; lowest < 2.0; lowest += 0.125)
+        for (const double off : {0.1, 0.3, 0.5}) {
+            LeaningFloor f(lowest, 0);
+            for (int x = 0; x < 5; ++x) f.fluid(x, 3000);
+            for (int x = 5; x < 9; ++x) f.solid(x, off);
+            for (int x = 9; x < f.cells; ++x) f.fluid(x, 3000);
+            const double at_base = 3000 - density * 10 * cell * off,
+                         own = part_above(f.above(7, f.row(7)) - off) /
+                               part_above(f.above(7, f.row(7)));
+            EXPECT_NEAR(f.pressure(7)[1], std::min(1.0, 2 * own) * at_base, 0.01 * 3000)
+                << lowest << ' ' << off;
+        }
+}
+
+/// What `FindUplift` leaves for what rubs, 1 more than it is, at all nodes on the bed.
+std::vector<double> rubbing_parts(Floor<2>& f, std::vector<double>& part) {
+    const auto all = f.all();
+    const std::vector<std::int32_t> blocks = {0, 1, 2};
+    std::vector<std::int32_t> feet;
+    for (int x = 0; x < f.cells; ++x) feet.push_back(x / f.edge * block_cells + f.number(x, 0));
+    const std::vector<std::uint32_t> mask(3 * block_cells, 1);
+    std::vector<double> before(2 * feet.size()), with(2 * feet.size()), found;
+    const FindUplift<double, double, 2> find{all,         blocks.data(),  feet.data(),
+                                             mask.data(), before.data(),  with.data(),
+                                             part.data(), 3 * block_cells};
+    for (std::size_t k = 0; k < feet.size(); ++k) find(std::int64_t(k));
+    for (const std::int32_t foot : feet) found.push_back(part[std::size_t(foot)]);
+    return found;
+}
+std::vector<double> rubbing_parts(Floor<2>& f) {
+    std::vector<double> part(3 * block_cells);
+    return rubbing_parts(f, part);
+}
+
+TEST(Uplift, LetsSolidsRubWithoutTheWaterBesideThem) {
+    // Of 5000 Pa on the base and 3000 of the water: at its edges both press on the same nodes.
+    for (const double edge : {0.1, 0.5, 0.9}) {
+        Floor<2> f;
+        const auto weigh = [&](int x, double part) {
+            f.solid(x, 0, part);
+            f.at(x)[2 * block_cells] += dt * (10 * part * f.covered - part * 5000 * cell);
+        };
+        for (int x = 0; x < f.cells; ++x) {
+            const double covered = x > 5 && x < 10 ? 1 : x == 5 || x == 10 ? edge : 0;
+            if (covered > 0) weigh(x, covered);
+            if (covered == 1) continue;
+            const double mass = (1 - covered) * above_bed * f.water.full;
+            f.at(x)[0] += mass;
+            f.at(x)[f.water_mass * block_cells] += mass;
+            f.at(x)[2 * block_cells] += dt * (10 * mass - (1 - covered) * 3000 * cell);
+        }
+        std::vector<double> table(3 * block_cells);
+        const auto part = rubbing_parts(f, table);
+        for (int x = 5; x < 11; ++x) {
+            const double covered = x == 5 || x == 10 ? edge : 1;
+            const double solid = covered * (5000 - 3000), water = (1 - covered) * 3000;
+            EXPECT_NEAR(part[std::size_t(x)], 1 + solid / (solid + water), 1e-6)
+                << x << ' ' << edge;
+        }
+        EXPECT_EQ(part[3], 0);  // no base is there
+        // Where it has gone nothing is left of it.
+        for (double& number : f.sums) number = 0;
+        for (int x = 0; x < f.cells; ++x) f.fluid(x, 3000);
+        for (const double one : rubbing_parts(f, table)) EXPECT_EQ(one, 0);
+    }
+}
+
+TEST(Uplift, LetsNothingRubOnWaterBelowABase) {
+    for (const double off : {0.6, 0.8, 1.0, 1.3}) {
+        Floor<2> f = lifted_base(off, 1, 1);
+        for (int x = 5; x < 11; ++x)  // all that presses is the water in the gap
+            f.at(x)[2 * block_cells] = dt * (10 * f.at(x)[0] - 3000 * cell);
+        EXPECT_NEAR(rubbing_parts(f)[7], 1, 0.1) << off;
+    }
+}
+
 TEST(Uplift, StandsOnTheLowestRowAlone) {
     Floor<2> f;
     const auto all = f.all();
@@ -494,8 +433,8 @@ TEST(Uplift, IsTakenAwayAgainToTheLastBit) {
     std::vector<std::uint32_t> mask(3 * block_cells, 1);
     for (int i = 0; i < 3 * block_cells; ++i) feet.push_back(i);
     std::vector<double> before(2 * feet.size()), with(2 * feet.size());
-    const FindUplift<double, double, 2> find{all,         blocks.data(), feet.data(),
-                                             mask.data(), before.data(), with.data()};
+    const FindUplift<double, double, 2> find{all,           blocks.data(), feet.data(), mask.data(),
+                                             before.data(), with.data(),   nullptr,     0};
     std::uint32_t lifted = 0;
     const auto set = [&](const std::vector<double>& from) {
         const SetFeet<double, double, 2> put{all.node.grid, blocks.data(), feet.data(), from.data(),

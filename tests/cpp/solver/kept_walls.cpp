@@ -284,7 +284,7 @@ Seen run(const Spec& s) {
             each->touch(table.view);
         }
         expect_same(boundaries, fresh);
-        EXPECT_EQ(fresh.blocks_anew(), fresh.blocks().size());
+        EXPECT_EQ(fresh.blocks_classified(), fresh.blocks().size());
         std::size_t had = 0;
         const auto now = asks_by_key(fresh, table);
         for (const auto& [key, asks] : now) {
@@ -293,7 +293,7 @@ Seen run(const Spec& s) {
             seen.changed += before != last.end() && before->second != asks;
             for (const WallAsks a : asks) seen.asked[a] = true;
         }
-        const std::size_t kept = now.size() - boundaries.blocks_anew();
+        const std::size_t kept = now.size() - boundaries.blocks_classified();
         EXPECT_LE(kept, had);
         seen.kept += kept;
         seen.again += had - kept;
@@ -374,10 +374,10 @@ TEST(KeptWallNodes, AreForgottenWhereKeysMeanOtherBlocks) {
     Boundaries<Cpu, 2> fresh(exec, s, plan);
     for (Boundaries<Cpu, 2>* each : {&boundaries, &fresh}) each->touch(other.view);
     expect_same(boundaries, fresh);
-    EXPECT_EQ(boundaries.blocks_anew(), boundaries.blocks().size());
+    EXPECT_EQ(boundaries.blocks_classified(), boundaries.blocks().size());
     boundaries.touch(other.view);
     expect_same(boundaries, fresh);
-    EXPECT_EQ(boundaries.blocks_anew(), 0u);
+    EXPECT_EQ(boundaries.blocks_classified(), 0u);
 }
 
 }  // namespace

@@ -118,12 +118,13 @@ class DirectionalWaveBasin(FacilityOfStrips):
     13 to 15 % too high; the level "full" shifts particles.
 
     Blocks share the velocity of the water at the nodes of the grid, unless `contact` gives them
-    their own: they slide past each other and part then. Measured set-ups do not have it: beside
-    contact nothing keeps water from packing, and the wave does not reach the platform. Friction
-    with the platform acts on blocks alone, each kind with its own (`flumes.FRICTION`): pieces of a
-    custom field are of the kind that their prototype is named after, others need a number. Under
-    blocks the bed lets go, with held nodes: off `Slip` no water lifts one; water below them takes
-    its part of their weight (`uplift`, one rank): with it they go 2.2 to 3.5 times as far.
+    their own: they slide past each other and part then, and water goes between them. Beside contact
+    nothing keeps water from packing, and in a run of the whole channel the wave does not reach the
+    platform: take a near field, whose strip has `packing`. Friction with the platform acts on
+    blocks alone, each kind with its own (`flumes.FRICTION`): pieces of a custom field are of the
+    kind that their prototype is named after, others need a number. Under blocks the bed lets go,
+    with held nodes: off `Slip` no water lifts one; water below them takes its part of their weight
+    (`uplift`, one rank).
 
     `near_field` begins at 28.5 s, before water has come to the platform, and at x 22 m, and needs
     `width` "half". Its bed is that under blocks, which a strip has too, and its transfer that of

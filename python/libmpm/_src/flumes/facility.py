@@ -39,7 +39,7 @@ WIDTHS = ("slice", "strip", "half", "full")
 #: What a field `packing` means, for the facilities that have one.
 PACKING_TEXT = (
     "what keeps stirred water from packing and sinking, the more the finer the cells: an option of "
-    "`FBar`; None = nothing, as it has to be with `contact`"
+    "`FBar`; None = nothing, as it has to be with `contact` but in a near field, whose strip has it"
 )
 
 #: Acceleration of gravity, m/s².
@@ -276,7 +276,8 @@ class Facility(Value):
 
     def __str__(self) -> str:
         """Return geometry, instruments, clock, and where the scene is not the facility."""
-        rows = [f"{self.title}: {self.scene()!r}",
+        scene = self._packs_beside_contact() or repr(self.scene())
+        rows = [f"{self.title}: {scene}",
                 f"measured time = time of the run + {self.clock:g} s; compared until "
                 f"{self.until + self.clock:g} s", "instruments:"]  # fmt: skip
         rows += [f"  {i.name}: {i.kind} at x {i.x:g}, y {i.y:g}, z {i.z:g} m"
@@ -311,6 +312,18 @@ class Facility(Value):
             return Separable(cell="held")
         return self._response(lets_go=False)
 
+    def _packs_beside_contact(self) -> str:
+        """Return why no scene has what is given, but a near field; empty where one does."""
+        if self.contact is None or self.packing is None:
+            return ""
+        near = "; or run its near_field(), whose strip has it" if self._cuts() else ""
+        return (f"packing is {self.packing!r} with contact {self.contact:g}, beside which water is "
+                f"neither shifted nor led by density; expected None{near}")  # fmt: skip
+
+    def _cuts(self) -> bool:
+        """Return whether the value has a near field."""
+        return self.strips and self.width == "half"
+
     # For subclasses --------------------------------------------------------------------------
 
     def _common(self, check: Checker) -> dict[str, Any]:
@@ -329,9 +342,9 @@ class Facility(Value):
             found["packing"] = check.choice("packing", self.packing, PACKING)
         if self.contact is not None and self.debris is None:
             check.fail(f"contact is {self.contact:g} without debris; expected None; name debris")
-        if self.contact is not None and self.packing is not None:
-            check.fail(f"packing is {self.packing!r} with contact {self.contact:g}, beside which "
-                       "water is neither shifted nor led by density; expected None")  # fmt: skip
+        problem = self._packs_beside_contact()
+        if problem and not self._cuts():
+            check.fail(problem)
         return found
 
     def _wall(self) -> Slip | Separable:
@@ -393,6 +406,8 @@ class Facility(Value):
         gravity: Sequence[float] = (0.0, 0.0, -GRAVITY),
     ) -> Scene:
         """Return an empty scene between two corners (x, y, z), moved out to faces of cells."""
+        if problem := self._packs_beside_contact():
+            raise SceneError(f"{self.label}: {problem}")
         h, axes = self.cell_size, self.axes
         transfer = self.strip_transfer if self.width == "strip" else None
         if self.granular:

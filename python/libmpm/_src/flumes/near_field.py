@@ -17,6 +17,7 @@ from libmpm._src.flumes.facility import Facility, Instrument
 from libmpm._src.flumes.virtual_paddle import piston_of_flow
 from libmpm._src.output.checkpoint import load_header
 from libmpm._src.run.checkpoint_state import caught
+from libmpm._src.scene.changes import unled
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.engine_sensors import LoadCell, Sensor
 from libmpm._src.sensors.python_sensors import GridSensor
@@ -124,8 +125,9 @@ class FacilityOfStrips(Facility):
         The strip is run once; what lies in `folder` is used again, so that all layouts have one
         water. Its run is cut, tiled to half of the width, and gets structure and debris of this
         value; at the cut a piston moves as the water of the strip did (`flumes.piston_of_flow`).
-        Transfer, bed and walls are those of the strip, whatever is added. `compare` takes a run of
-        it; rows that begin before it are not compared.
+        Transfer, bed and walls are those of the strip, whatever is added; `packing` is the strip's
+        alone where pieces have `contact`, beside which water is neither shifted nor led. `compare`
+        takes a run of it; rows that begin before it are not compared.
 
         Raises `SceneError`: of another `width` than "half", of times and places out of range, where
         `folder` holds another run or a cut at another time, and where water is where a box is to
@@ -195,6 +197,9 @@ def _near_field(
             within=Box(lower=(low, *before.lower[1:]), upper=before.upper),
         )  # fmt: skip
     assert made.start is not None
+    if flume.contact is not None:
+        # Beside contact nothing leads volumes: the water goes on from what the strip has made.
+        unled(made, "water")
     columns = []
     for k in range(len(at)):
         series = [results.sensors[f"{name}-{k}"] for name in ("flow", "mass")]

@@ -9,11 +9,12 @@ from typing import Any, TypeVar
 from libmpm._src.base.arguments import wrong_arguments
 from libmpm._src.base.values import nearest, shown
 from libmpm._src.errors import ArgumentError, SceneError
+from libmpm._src.methods.method import FBar
 from libmpm._src.scene.data import HEAD, SceneData
 from libmpm._src.scene.parts import Body
 from libmpm._src.shapes.particle_placement import Sampling
 
-__all__ = ["copied", "remove", "replace"]
+__all__ = ["copied", "remove", "replace", "unled"]
 
 S = TypeVar("S", bound=SceneData)
 
@@ -62,6 +63,18 @@ def replace(scene: SceneData, name: str, kind: str | None, changes: Mapping[str,
 def remove(scene: SceneData, name: str, kind: str | None) -> None:
     """Take the part `name` out of the scene."""
     del scene._by_kind()[_kind_of(scene, "remove", name, kind)][name]
+
+
+def unled(scene: SceneData, name: str) -> None:
+    """Let a fluid's volumes be as they are from here on, led by no density and not shifted.
+
+    The one change of what is part of the run that a scene continues from: neither has a state of
+    its own, which would have to be computed with it.
+    """
+    body = scene._bodies[name]
+    if isinstance(body.fbar, FBar):
+        fbar = dataclasses.replace(body.fbar, density=False, shifting=False)
+        scene._bodies[name] = dataclasses.replace(body, fbar=fbar)
 
 
 def _check_names(what: str, names: Iterable[str], changes: Mapping[str, Any]) -> None:
