@@ -17,7 +17,7 @@ from libmpm._src.flumes.facility import Facility, Instrument
 from libmpm._src.flumes.virtual_paddle import piston_of_flow
 from libmpm._src.output.checkpoint import load_header
 from libmpm._src.run.checkpoint_state import caught
-from libmpm._src.scene.changes import unled
+from libmpm._src.scene.changes import drop_packing_options
 from libmpm._src.scene.scene import Scene
 from libmpm._src.sensors.engine_sensors import LoadCell, Sensor
 from libmpm._src.sensors.python_sensors import GridSensor
@@ -199,7 +199,7 @@ def _near_field(
     assert made.start is not None
     if flume.contact is not None:
         # Beside contact nothing leads volumes: the water goes on from what the strip has made.
-        unled(made, "water")
+        drop_packing_options(made, "water")
     columns = []
     for k in range(len(at)):
         series = [results.sensors[f"{name}-{k}"] for name in ("flow", "mass")]

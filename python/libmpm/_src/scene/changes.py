@@ -14,7 +14,7 @@ from libmpm._src.scene.data import HEAD, SceneData
 from libmpm._src.scene.parts import Body
 from libmpm._src.shapes.particle_placement import Sampling
 
-__all__ = ["copied", "remove", "replace", "unled"]
+__all__ = ["copied", "drop_packing_options", "remove", "replace"]
 
 S = TypeVar("S", bound=SceneData)
 
@@ -65,7 +65,7 @@ def remove(scene: SceneData, name: str, kind: str | None) -> None:
     del scene._by_kind()[_kind_of(scene, "remove", name, kind)][name]
 
 
-def unled(scene: SceneData, name: str) -> None:
+def drop_packing_options(scene: SceneData, name: str) -> None:
     """Let a fluid's volumes be as they are from here on, led by no density and not shifted.
 
     The one change of what is part of the run that a scene continues from: neither has a state of
