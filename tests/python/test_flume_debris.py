@@ -191,8 +191,7 @@ def test_blocks_stand_in_the_cut_run_of_a_channels_strip(tmp_path):
         assert touching.bodies[0].fbar == libmpm.FBar()
         touching.save(tmp_path / "scene.json")
         assert libmpm.Scene.load(tmp_path / "scene.json") == touching
-        sim_of_both = libmpm.Simulation(touching, device="cpu", threads=1)
-        sim_of_both.step(3)
+        libmpm.Simulation(touching, device="cpu", threads=1).step(3)
     cut = made.lower[0]
     assert cut == pytest.approx(22.05) and made.upper == pytest.approx(whole.upper)
     # At rest, and the water of half of the channel from the cut on.

@@ -16,6 +16,12 @@ HALF = 0.05
 DENSITY = 987.0
 
 
+def solid(density: float) -> materials.FixedCorotated:
+    """A solid in which sound is as fast as in the water."""
+    modulus = 0.4667 * density * K / 1000
+    return materials.FixedCorotated(density=density, youngs_modulus=modulus, poissons_ratio=0.4)
+
+
 def tank(
     cell: float = 0.0125,
     *,
@@ -50,7 +56,6 @@ def tank(
         dimension=dimension, cell_size=cell, lower=(-0.3, *(-a for a in wide), -below),
         upper=(0.3, *wide, 0.15 - rise), gravity=(0.0,) * (dimension - 1) + (-GRAVITY,),
     )  # fmt: skip
-    modulus = 0.4667 * density * K / 1000
     y = () if flat else (HALF,)
     bed: shapes.Solid = box((-1.0, *(-1.0 for _ in wide), -1.0), (1.0, *(1.0 for _ in wide), 0.0))
     block: shapes.Solid = box((-HALF, *(-a for a in y), 0.0), (HALF, *y, HIGH))
@@ -64,9 +69,7 @@ def tank(
         water = shapes.Difference(whole=box((beside[0], deep), (beside[1], depth)), without=bed)
     scene.add_body(
         name="debris-1", shape=block, velocity=(speed,) + (0.0,) * (dimension - 1),
-        material=materials.FixedCorotated(
-            density=density, youngs_modulus=modulus, poissons_ratio=0.4
-        ),
+        material=solid(density),
     )  # fmt: skip
     scene.add_body(
         name="water", shape=shapes.Difference(whole=water, without=block), hydrostatic=depth,
@@ -116,9 +119,7 @@ def stream(
     block = shapes.Box(lower=(0.4 - HALF, *(-a for a in y), 0.0), upper=(0.4 + HALF, *y, HIGH))
     scene.add_body(
         name="debris-1", shape=block, velocity=along,
-        material=materials.FixedCorotated(
-            density=density, youngs_modulus=0.4667 * density * K / 1000, poissons_ratio=0.4
-        ),
+        material=solid(density),
     )  # fmt: skip
     water = shapes.Box(lower=(0.0, *low, 0.0), upper=(1.2, *wide, depth))
     scene.add_body(

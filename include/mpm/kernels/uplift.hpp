@@ -119,7 +119,7 @@ MPM_INLINE BedPlace<D> on_surface_of(const BoundaryView<D>& all, int boundary,
     // the upper one is if the lower one is not, worked out as for itself.
     if (absolute(found.height - (lowest_foot + 1)) < 0.01) {
         std::int64_t below[D];
-        for (int a = 0; a < D; ++a) below[a] = cell[a] - (a == axis ? up : 0);
+        moved_along<D>(cell, axis, -up, below);
         const SurfacePlace<D> lower(all, s, below, axis, up);
         found.is =
             lower.bears() && lower.height(all.cell_size) > lowest_foot ? OnBed::none : OnBed::foot;
@@ -132,7 +132,7 @@ MPM_INLINE BedPlace<D> on_bed_of(const BoundaryView<D>& all, int boundary,
     if (all.records[boundary].surface > 0) return on_surface_of<D>(all, boundary, cell, axis, up);
     if (!holds_up<D>(all, boundary, cell, axis, up)) return {OnBed::none, axis, up};
     std::int64_t above[D];
-    for (int a = 0; a < D; ++a) above[a] = cell[a] + (a == axis ? up : 0);
+    moved_along<D>(cell, axis, up, above);
     return {holds_up<D>(all, boundary, above, axis, up) ? OnBed::inside : OnBed::foot, axis, up};
 }
 
@@ -224,7 +224,7 @@ struct NodeUplift {
         const bool surface = node.boundaries.records[boundary].surface > 0;
         for (int row = surface ? -2 : -1; row < (surface ? 2 : 1); ++row) {
             std::int64_t at[D];
-            for (int a = 0; a < D; ++a) at[a] = cell[a] + (a == axis ? row * up : 0);
+            moved_along<D>(cell, axis, row * up, at);
             double normal[D] = {};
             normal[axis] = up;
             if (surface && !held_by_surface(boundary, at, normal)) continue;
@@ -257,7 +257,7 @@ struct NodeUplift {
     /// second row of nodes, where water reaches that high, and the weight of what lies below it.
     MPM_INLINE double on_lined_bed(const std::int64_t (&cell)[D], const Place& lowest) const {
         std::int64_t above[D];
-        for (int a = 0; a < D; ++a) above[a] = cell[a] + (a == axis ? up : 0);
+        moved_along<D>(cell, axis, up, above);
         const Place second = at(above);
         const bool high = second.water > 0.5 * lowest.full;
         const Place& of = high ? second : lowest;
@@ -361,7 +361,8 @@ struct NodeUplift {
     struct Gap {
         double mass = 0;        // of what may be lifted, kg
         double covered = 0;     // by which it lifts
-        double free = 1;        // part of the bed that nothing covers
+        double solid = 1;       // its part of all solids there
+        double free = 0;        // part of the bed that nothing but water covers
         double filled = 0;      // part of it with water in the gap above
         double pressed = 0;     // by water on all of the bed there, of its part along gravity, N s
         double lifting = 0;     // likewise on the base by the gap, if that covered all
@@ -393,8 +394,9 @@ struct NodeUplift {
         }
         // What little mass is left here is pushed with at most twice its part of what was.
         found.covered = wide < 2 * own ? wide : 2 * own;
+        if (there.solid > found.mass) found.solid = found.mass / there.solid;
         const double others = there.solid > found.mass ? (there.solid - found.mass) / r.full : 0;
-        found.free = 1 - wide - others / whole;
+        if (there.water > 0) found.free = 1 - wide - others / whole;
         if (!(found.free > 0)) found.free = 0;
         // Water that has come into the gap carries the base: of a sixth of a cell on, since beside
         // a base nothing tells it from what stands higher.
@@ -418,7 +420,7 @@ struct NodeUplift {
                                  std::uint64_t channels) const {
         const BlockTableView<D>& table = node.grid.table;
         std::int64_t above[D];
-        for (int a = 0; a < D; ++a) above[a] = cell[a] + (a == axis ? up : 0);
+        moved_along<D>(cell, axis, up, above);
         double mass = 0;
         each_field_of_node<D>(table, above, [&](std::int32_t s, int n) {
             if (table.keys_of.field(table.keys[s]) == table.keys_of.field(table.keys[slot]))
@@ -434,7 +436,7 @@ struct NodeUplift {
         if (p.solid > least * part_above(bed.height)) return true;
         if (!(p.solid > 0)) return false;
         std::int64_t above[D];
-        for (int a = 0; a < D; ++a) above[a] = cell[a] + (a == axis ? up : 0);
+        moved_along<D>(cell, axis, up, above);
         return at(above).solid > least;
     }
     /// What the gap lifts there, across the bed, N s.
@@ -459,12 +461,9 @@ struct NodeUplift {
                       });
         if (!(all > 0)) return 0;
         for (int a = 0; a < D; ++a) steep += of.normal[a] * of.normal[a];
-        const Place there = at(cell);
         // How high the water stands beside the base is in what it presses.
-        const double wet = (there.water > 0 ? of.free : 0) + of.filled,
-                     of_water = wet * of.pressed * sqrt(steep),
-                     solid = there.solid > of.mass ? of.mass / there.solid : 1.0;
-        return of_water < all ? solid * (1 - of_water / all) : 0;
+        const double of_water = (of.free + of.filled) * of.pressed * sqrt(steep);
+        return of_water < all ? of.solid * (1 - of_water / all) : 0;
     }
     /// Is a surface a plane for a cell around a node? Its normal turns at edges of a level bed, and
     /// would push a base over them.

@@ -54,13 +54,13 @@ struct FindUplift {
         Vec<double, D> impulse{};
         // What rubs asks for all that is lifted: in a second round, if there may be several.
         const int rounds = rubbing && of.uplift.count > 1 ? 2 : 1;
-        for (int k = 0; k < rounds * of.uplift.count; ++k) {
-            const int r = k % of.uplift.count;
-            if (!(mask[i] >> r & 1)) continue;
-            const auto gap = of.gap(slot, n, of.uplift.records[r]);
-            for (int a = 0; a < D && k < of.uplift.count; ++a) impulse[a] += gap.lifts(a);
-            if (rubbing && k >= (rounds - 1) * of.uplift.count) rub(i, r, gap, impulse);
-        }
+        for (int round = 0; round < rounds; ++round)
+            for (int r = 0; r < of.uplift.count; ++r) {
+                if (!(mask[i] >> r & 1)) continue;
+                const auto gap = of.gap(slot, n, of.uplift.records[r]);
+                for (int a = 0; a < D && round == 0; ++a) impulse[a] += gap.lifts(a);
+                if (rubbing && round == rounds - 1) rub(i, r, gap, impulse);
+            }
         for (int a = 0; a < D; ++a) {
             const Sum p = node.sums(slot, n)[(1 + a) * block_cells];
             before[k * D + a] = p;
