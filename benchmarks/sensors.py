@@ -1,6 +1,7 @@
 """What sensors cost: the same run without any and with each kind at 1 kHz.
 
     python benchmarks/sensors.py [--device cpu] [--precision single] [--threads 0] [--seconds 0.1]
+                                 [--only KIND ...]
 
 76,800 particles of water in 3D, cells of 0.05 m, that fall against a column, and a block of 1,728
 particles that is carried along. A line goes to benchmarks/results/sensors.jsonl: milliseconds a
@@ -105,11 +106,14 @@ def main() -> int:
     parser.add_argument("--precision", default="single")
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=0.1, help="of the clock of the scene")
+    parser.add_argument("--only", nargs="*", default=[], help="these, and the run without any")
     parser.add_argument("--output", type=Path, default=RESULTS)
     given = parser.parse_args()
     warnings.simplefilter("ignore", libmpm.ModelWarning)
     three = ("region of particles", "attribute of a body", "body tracker")
     cases = {"none": (), **{n: (n,) for n in ALL}, "region, attribute, body": three, "all": ALL}
+    if given.only:
+        cases = {name: cases[name] for name in ("none", *given.only)}
     seconds((), given)
     found = {}
     for name, names in cases.items():

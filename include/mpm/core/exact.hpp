@@ -2,8 +2,10 @@
 // bits. So threads, ranks and devices may add what they have in whatever order, and find the same.
 #pragma once
 
+#include <bit>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "mpm/core/config.hpp"
 
@@ -55,6 +57,38 @@ inline Int128 from_pieces(const double* pieces) {
         sum = sum * (Int128(1) << piece_bits) + std::int64_t(pieces[k]);
     }
     return sum;
+}
+
+/// An unsigned number in limbs of so few bits that those of all lanes of a warp add up in 32 bits:
+/// so lanes add numbers of any size by the sums that a device has.
+inline constexpr int limb_bits = 27;
+template <class Integer>
+inline constexpr int limbs_of = (int(sizeof(Integer)) * 8 + limb_bits - 1) / limb_bits;
+template <class Integer>
+MPM_INLINE std::uint32_t limb(Integer number, int k) {
+    return std::uint32_t(number >> (k * limb_bits)) & ((1u << limb_bits) - 1);
+}
+/// What sums of limbs, sum(k) that of limb k, are together: modulo the size of the number.
+template <class Integer, class F>
+MPM_INLINE Integer from_limbs(const F& sum) {
+    Integer all = 0;
+    MPM_UNROLL for (int k = limbs_of<Integer> - 1; k >= 0; --k) all =
+        (all << limb_bits) + Integer(std::uint32_t(sum(k)));
+    return all;
+}
+
+/// Of numbers the largest has the largest key. None is 0, which is left for where there is no
+/// number; not-a-number is larger than all.
+MPM_INLINE std::uint64_t order_key(double x) {
+    constexpr std::uint64_t sign = std::uint64_t(1) << 63;
+    if (x != x) return ~std::uint64_t(0);
+    const auto bits = std::bit_cast<std::uint64_t>(x);
+    return bits & sign ? ~bits : bits | sign;
+}
+MPM_INLINE double from_order_key(std::uint64_t key) {
+    constexpr std::uint64_t sign = std::uint64_t(1) << 63;
+    if (key == ~std::uint64_t(0)) return std::numeric_limits<double>::quiet_NaN();
+    return std::bit_cast<double>(key & sign ? key ^ sign : ~key);
 }
 
 /// The sum itself, rounded once.

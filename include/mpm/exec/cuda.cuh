@@ -210,10 +210,11 @@ public:
 
     /// then(s, sums) for each set s, with sums[w] = sum over its items i of what f(i, s, local)
     /// adds to local[w]; sets in any order. `parts` has room for W sums a place, of whatever can be
-    /// added and is none where it is zeros. Beside it beside(k, lanes) runs for k < more, which
-    /// are few and slow, on all lanes of a warp. Says `then` so at the end, where it wants to know
-    /// (`then.done()`); does nothing where `f.idle()`, and
-    /// leaves out sets where `f.idle(s)`. Sets may have fewer parts than `sum_parts`.
+    /// added and is none where it is zeros; of what has a way of its own (`cuda::TotalOf`) the
+    /// first ones, a set each, are zeros. Beside it beside(k, lanes) runs for k < more, which are
+    /// few and slow, on all lanes of a warp. Says `then` so at the end, where it wants to know
+    /// (`then.done()`); does nothing where `f.idle()`, and leaves out sets where `f.idle(s)`. Sets
+    /// may have fewer parts than `sum_parts`.
     template <int W, class F, class G, class A, class H>
     void sum_each(const SumSets& sets, const F& f, const G& then, A* parts, std::int64_t more,
                   const H& beside);

@@ -193,6 +193,15 @@ __device__ __forceinline__ void add_up(A (&local)[W]) {
     __syncthreads();
 }
 
+/// A type whose sums are the same in any order may have a way of its own to be added up: each block
+/// adds to one total a set, so that no last block has many parts to read. Totals are zeros before
+/// and after. `add(own, total)`, all threads of a block; `take(total, to)`, a warp: what is there,
+/// in shared memory, and zeros again. `then` has the lanes of a warp for it.
+template <class A>
+struct TotalOf {
+    static constexpr bool known = false;
+};
+
 /// run(i) for the items of a set, by `threads` of which this is one; those that go one by one after
 /// the others, and of these neighbours belong to different warps. All lanes call this together.
 template <class F, class R>
@@ -217,9 +226,9 @@ __device__ __forceinline__ void each_partly_alone(const SumSet& set, const F& f,
     }
 }
 
-/// A block a place; the last of them adds the places of each set, a warp a set. Which block that
-/// is changes nothing. Blocks behind the places take what runs beside, a warp each, with
-/// all its lanes.
+/// A block a place; the last of them adds the places of each set, or takes their total (`TotalOf`),
+/// a warp a set. Which block that is changes nothing. Blocks behind the places take what runs
+/// beside, a warp each, with all its lanes.
 template <int W, class F, class G, class A, class H>
 __global__ void __launch_bounds__(max_threads, sizeof(A) > 64 ? 2 : 1)
     sum_kernel(const __grid_constant__ SumSets sets, const __grid_constant__ F f, A* parts,
@@ -251,9 +260,14 @@ __global__ void __launch_bounds__(max_threads, sizeof(A) > 64 ? 2 : 1)
                 for (std::int64_t i = thread; i < set.count; i += stride)
                     f(set.first + i, s, local);
             }
-            add_up<W>(local);
-            for (int w = 0; w < W && threadIdx.x == 0; ++w)
-                parts[std::int64_t(place) * W + w] = local[w];
+            if constexpr (TotalOf<A>::known) {
+                static_assert(W == 1);
+                TotalOf<A>::add(local[0], parts + s);
+            } else {
+                add_up<W>(local);
+                for (int w = 0; w < W && threadIdx.x == 0; ++w)
+                    parts[std::int64_t(place) * W + w] = local[w];
+            }
         }
     }
     __shared__ bool last;
@@ -268,16 +282,28 @@ __global__ void __launch_bounds__(max_threads, sizeof(A) > 64 ? 2 : 1)
         if constexpr (requires { f.idle(s); }) {
             if (f.idle(s)) continue;
         }
-        const SumSet set = sets.set[s];
-        A local[W] = {};
-        for (std::int32_t k = threadIdx.x % 32; k < set.parts; k += 32)
-            for (int w = 0; w < W; ++w) local[w] += parts[std::int64_t(set.place + k) * W + w];
-        add_lanes<W>(local, 32);
-        if (threadIdx.x % 32 == 0) then(s, static_cast<const A*>(local));
+        if constexpr (TotalOf<A>::known) {
+            __shared__ A total[max_threads / 32];
+            A& own = total[threadIdx.x / 32];
+            TotalOf<A>::take(parts + s, own);
+            then(s, static_cast<const A*>(&own), {int(threadIdx.x % 32), 32});
+            __syncwarp();
+        } else {
+            const SumSet set = sets.set[s];
+            A local[W] = {};
+            for (std::int32_t k = threadIdx.x % 32; k < set.parts; k += 32)
+                for (int w = 0; w < W; ++w) local[w] += parts[std::int64_t(set.place + k) * W + w];
+            add_lanes<W>(local, 32);
+            if (threadIdx.x % 32 == 0) then(s, static_cast<const A*>(local));
+        }
     }
     if constexpr (requires { then.done(); }) {
         __syncthreads();
-        if (threadIdx.x == 0) then.done();
+        if constexpr (TotalOf<A>::known) {
+            if (threadIdx.x < 32) then.done({int(threadIdx.x), 32});
+        } else {
+            if (threadIdx.x == 0) then.done();
+        }
     }
     if (threadIdx.x == 0) *arrivals = 0;
 }

@@ -36,22 +36,27 @@ struct MomentSensors {
 };
 
 /// On the host: when samples are expected. `time` of the step to come and its length follow the
-/// clock as long as steps keep their length; a hundredth of a step is allowed for each that has
-/// been taken since the clock was read.
+/// clock as long as steps keep their length. Those that speeds make shorter than what is stable go
+/// on changing: a hundredth of a step is allowed for each that has been taken since the clock was
+/// read.
 struct ExpectedSamples {
     std::vector<double> intervals;  // s, each once; 0: every step
     double time = 0, dt = 0;
-    int taken = 0;  // steps since the clock was read
+    double change = 0;    // of a step's length, a step
+    int taken = 0;        // steps since the clock was read
+    bool missed = false;  // the clock has halted for a sample that is due
 
     void read(const Clock& clock) {
         time = clock.time;
         dt = clock.dt;
+        change = clock.dt < clock.dt_stable ? 0.01 : 0;
         taken = 0;
     }
     /// Whether a sample may be due in the step to come; then goes on to the next.
     bool next() {
-        bool due = taken == 0 && !intervals.empty();
-        const double spare = dt * (1e-6 + 0.01 * taken);
+        bool due = missed && !intervals.empty();
+        missed = false;
+        const double spare = dt * (1e-6 + change * taken);
         for (const double interval : intervals)
             due =
                 due || interval <= 0 ||

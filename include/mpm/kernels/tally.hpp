@@ -205,8 +205,8 @@ template <class X, class T, int D, class Law>
 struct MeasureTallies {
     using Grid = typename X::template Grid<T>;
     using Sum = typename X::template Sum<T>;
-    /// On a device a few particles each; on the CPU those of a cell.
-    static constexpr int lanes = X::is_device ? 128 : block_cells;
+    /// On a device one or two particles each; on the CPU those of a cell.
+    static constexpr int lanes = X::is_device ? 256 : block_cells;
 
     const TallyTask<D>* tasks;
     const SensorRecord* sensors;
@@ -279,13 +279,90 @@ struct MeasureTallies {
         const std::int32_t* around = table.neighbours + std::int64_t(slot) * Block<D>::neighbours;
         const NodesAround<Grid> node{nodes, channels, around};
         const StoredNumbers<T> stored{body.view.state, q};
-        if (sees_velocity(task.of))
-            particle_velocity<X::is_device, D>(body.n, wide, stands, stored, node, v);
-        if (task.of >= TallyOf::motion) {
-            add_moments(task, x, v, body.view.id[q], id, tally);
-            return;
+        if (sees_velocity(task.of)) {
+            bool found = false;
+            if constexpr (X::is_device) {
+                const KernelChoice& k = body.n.kernel;
+                found = body.n.velocity < 0 && k.kernel == Kernel::quadratic && !k.clamped;
+                if (found) spline_velocity(stands, around, v);
+            }
+            if (!found) particle_velocity<X::is_device, D>(body.n, wide, stands, stored, node, v);
         }
-        double value[D] = {};
+        // What is added up, and that of which there are extremes: each is done in one place, for a
+        // device takes longer to fetch what it does once than to do it.
+        double number[6] = {}, seen[D] = {};
+        unsigned counts = 0;  // of `seen`, by bits
+        if (task.of >= TallyOf::motion) {
+            find_moments(task, x, v, id, number);
+            if (task.of == TallyOf::motion) {
+                for (int a = 0; a < D; ++a) seen[a] = x[a];
+                counts = (1u << D) - 1;
+                const std::uint64_t own_id = body.view.id[q];
+                tally.ids[0] += own_id;
+                tally.ids[1] += own_id * own_id;
+            }
+        } else {
+            counts = find_values(task, body, stands, around, node, stored, x, v, seen);
+            for (int c = 0; c < D; ++c)
+                if (counts >> c & 1) number[c] = seen[c];
+        }
+        MPM_NO_UNROLL for (int c = 0; c < D; ++c) if (counts >> c & 1) tally.take(c, seen[c]);
+        MPM_NO_UNROLL for (int k = 0; k < 6; ++k) if (number[k] != 0) tally.sum[k] +=
+            exact(number[k], task.scale[k]);
+    }
+
+    /// What `particle_velocity` finds with quadratic splines, to the bit, without what slopes need;
+    /// a plane of nodes is read at once, where that waits for one node after another.
+    MPM_INLINE void spline_velocity(const Standing<double, D>& stands, const std::int32_t* around,
+                                    double (&v)[D]) const {
+        const Places<D, 3> places = places_in_grid<3>(stands.cell);
+        const auto weight = [&](int a, int k) {
+            return shape_value(Kernel::quadratic, -(double(k - 1) - stands.xi[a]), 0.0).value;
+        };
+        double row[3], last[3];
+        MPM_UNROLL for (int k = 0; k < 3; ++k) {
+            row[k] = weight(1, k);
+            last[k] = D == 3 ? weight(D - 1, k) : 0.0;
+        }
+        for (int a = 0; a < D; ++a) v[a] = 0;
+        MPM_NO_UNROLL for (int i = 0; i < 3; ++i) {
+            const double first = weight(0, i);
+            if (first == 0) continue;  // as `for_each_node`
+            const int place = i == 0   ? places.part[0][0]
+                              : i == 1 ? places.part[0][1]
+                                       : places.part[0][2];
+            constexpr int depth = D == 3 ? 3 : 1, count = 3 * depth;
+            bool there[count];
+            const Grid* from[count];
+            Grid u[count][D];
+            MPM_UNROLL for (int n = 0; n < count; ++n) {
+                const int at = place + places.part[1][n / depth] +
+                               (D == 3 ? places.part[D - 1][n % depth] : 0);
+                const std::int32_t slot = around[at >> 8];
+                there[n] = slot >= 0;
+                from[n] = nodes +
+                          (std::int64_t(there[n] ? slot : 0) * block_cells + (at & 255)) * channels;
+            }
+            MPM_UNROLL for (int n = 0; n < count; ++n) MPM_UNROLL for (int a = 0; a < D; ++a)
+                u[n][a] = from[n][a];
+            MPM_UNROLL for (int n = 0; n < count; ++n) {
+                double w = first * row[n / depth];
+                if constexpr (D == 3) w = w * last[n % depth];
+                MPM_UNROLL for (int a = 0; a < D; ++a) {
+                    const double next = v[a] + w * double(u[n][a]);
+                    v[a] = there[n] ? next : v[a];
+                }
+            }
+        }
+    }
+
+    /// The values of an attribute; says by bits which of them count.
+    template <class Node>
+    MPM_INLINE unsigned find_values(const TallyTask<D>& task, const TallyBody<T, D, Law>& body,
+                                    const Standing<double, D>& stands, const std::int32_t* around,
+                                    const Node& node, const StoredNumbers<T>& stored,
+                                    const double (&x)[D], const double (&v)[D],
+                                    double (&value)[D]) const {
         int values = 1;
         if (is_vector(task.of)) {
             values = task.axis < 0 ? D : 1;
@@ -302,58 +379,52 @@ struct MeasureTallies {
             value[0] = task.of == TallyOf::speed ? sqrt(value[0])
                                                  : 0.5 * body.view.particle_mass * value[0];
         }
-        for (int c = 0; c < values; ++c) {
-            if (task.sign != 0 && !(task.sign * value[c] > 0)) continue;
-            tally.take(c, value[c]);
-            tally.sum[c] += exact(value[c], task.scale[c]);
-        }
+        unsigned counts = 0;
+        for (int c = 0; c < values; ++c)
+            if (task.sign == 0 || task.sign * value[c] > 0) counts |= 1u << c;
+        return counts;
     }
 
-    MPM_INLINE void add_moments(const TallyTask<D>& task, const double (&x)[D],
-                                const double (&v)[D], std::uint32_t own_id, std::uint32_t id,
-                                Tally& tally) const {
+    /// What the sums of a body's motion are of.
+    MPM_INLINE void find_moments(const TallyTask<D>& task, const double (&x)[D],
+                                 const double (&v)[D], std::uint32_t id,
+                                 double (&number)[6]) const {
         double y[D], first[D] = {};
         for (int a = 0; a < D; ++a) {
             y[a] = x[a] - task.reference[a];
             if (task.places) first[a] = task.places[a * std::size_t(task.ids) + id];
         }
-        const auto add = [&](int k, double number) {
-            tally.sum[k] += exact(number, task.scale[k]);
-        };
         switch (task.of) {
             case TallyOf::motion:
                 for (int a = 0; a < D; ++a) {
-                    tally.take(a, x[a]);
-                    add(a, y[a]);
-                    add(3 + a, v[a]);
+                    number[a] = y[a];
+                    number[3 + a] = v[a];
                 }
-                tally.ids[0] += own_id;
-                tally.ids[1] += std::uint64_t(own_id) * own_id;
                 break;
             case TallyOf::second:
-                for (int a = 0; a < D; ++a) add(a, y[a] * y[a]);
-                add(3, y[0] * y[1]);
+                for (int a = 0; a < D; ++a) number[a] = y[a] * y[a];
+                number[3] = y[0] * y[1];
                 if constexpr (D == 3) {
-                    add(4, y[0] * y[2]);
-                    add(5, y[1] * y[2]);
+                    number[4] = y[0] * y[2];
+                    number[5] = y[1] * y[2];
                 }
                 break;
             case TallyOf::spin:
                 if constexpr (D == 2) {
-                    add(0, y[0] * v[1] - y[1] * v[0]);
+                    number[0] = y[0] * v[1] - y[1] * v[0];
                 } else {
-                    add(0, y[1] * v[2] - y[2] * v[1]);
-                    add(1, y[2] * v[0] - y[0] * v[2]);
-                    add(2, y[0] * v[1] - y[1] * v[0]);
+                    number[0] = y[1] * v[2] - y[2] * v[1];
+                    number[1] = y[2] * v[0] - y[0] * v[2];
+                    number[2] = y[0] * v[1] - y[1] * v[0];
                 }
-                for (int a = 0; a < D; ++a) add(3 + a, first[a]);
+                for (int a = 0; a < D; ++a) number[3 + a] = first[a];
                 break;
             case TallyOf::turn:
                 for (int a = 0; a < 2; ++a)
-                    for (int b = 0; b < D; ++b) add(a * D + b, first[a] * y[b]);
+                    for (int b = 0; b < D; ++b) number[a * D + b] = first[a] * y[b];
                 break;
             default:
-                for (int b = 0; b < D; ++b) add(b, first[D - 1] * y[b]);
+                for (int b = 0; b < D; ++b) number[b] = first[D - 1] * y[b];
         }
     }
 
@@ -393,6 +464,7 @@ struct MeasureTallies {
 };
 
 /// Leaves tallies in the rows of sensors that are due; the last one done opens the next rows.
+/// On a device the lanes of a warp share the numbers of a row, and the sensors.
 template <int D>
 struct TakeTallies {
     const Clock* clock;
@@ -401,29 +473,29 @@ struct TakeTallies {
     const std::int32_t* asking;  // sensors that have tallies
     int asking_count;
 
-    MPM_INLINE void operator()(int number, const Tally* found) const {
+    MPM_INLINE void operator()(int number, const Tally* found, Lanes lanes = {}) const {
         const TallyTask<D>& task = tasks[number];
         const SensorRecord& r = sensors[task.sensor];
         if (!r.due) return;
         const Tally& t = *found;
         double* row = r.values + std::int64_t(r.count) * r.columns + task.row;
-        for (int k = 0; k < 6; ++k) {
+        for (int k = lanes.lane; k < 6; k += lanes.count) {
             to_pieces(t.sum[k], row + k * exact_pieces);
             row[TallyRow::scales + k] = task.scale[k];
         }
-        for (int k = 0; k < 2; ++k) {
+        for (int k = lanes.lane; k < 2; k += lanes.count) {
             row[TallyRow::ids + 2 * k] = double(t.ids[k] >> 32);
             row[TallyRow::ids + 2 * k + 1] = double(t.ids[k] & 0xffffffffu);
         }
         const double none = std::numeric_limits<double>::infinity();
-        for (int c = 0; c < 3; ++c) {
+        for (int c = lanes.lane; c < 3; c += lanes.count) {
             row[TallyRow::counts + c] = double(t.count[c]);
             row[TallyRow::low + c] = t.count[c] > 0 ? t.low[c] : none;
             row[TallyRow::high + c] = t.count[c] > 0 ? t.high[c] : -none;
         }
     }
-    MPM_INLINE void done() const {
-        for (int k = 0; k < asking_count; ++k) {
+    MPM_INLINE void done(Lanes lanes = {}) const {
+        for (int k = lanes.lane; k < asking_count; k += lanes.count) {
             SensorRecord& r = sensors[asking[k]];
             if (!r.due) continue;
             // The step that starts now is the one whose velocities have been seen.

@@ -363,13 +363,14 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
                     double(n), std::floor(std::max(0.0, until - clock_.time) / clock_.dt) + 2));
             }
             bool wall_over = false;
+            // What is uploaded waits for all that is queued: now that is nothing.
+            if (tallies_.any()) list_tallied();
             if (share_) {
                 // Nobody asks for memory while another rank's kernels wait.
                 for (Body& body : bodies_) {
                     reserve_deposits(body);
                     if (body.plan.cells.smooths()) reserve_smoothing(body);
                 }
-                if (tallies_.any()) list_tallied();
                 run_together(n, wall_over);
             }
             const double t0 = now();
@@ -405,6 +406,7 @@ RunResult Domain<X, T, D>::run(std::int64_t steps, double until, double wall) {
             push_clock();
         } else if (clock_.halt == Halt::samples) {
             sensors_.collect();
+            expected_.missed = true;
             clock_.halt = Halt::none;
             push_clock();
         } else if (clock_.halt == Halt::until || clock_.halt == Halt::steps) {

@@ -114,7 +114,11 @@ void Domain<X, T, D>::list_tallied() {
     }
     tallies_.bodies.assign(bodies);
     tallies_.sets.assign(sets);
-    tallies_.parts.reserve_discard(std::size_t(places));
+    if (tallies_.parts.size() < std::size_t(places)) {
+        tallies_.parts.reserve_discard(std::size_t(places));
+        // Devices add to totals that are zeros between samples (kernels/cuda/tally_sums.cuh).
+        if constexpr (X::is_device) tallies_.parts.zero();
+    }
     tallies_.part_count = places;
 }
 

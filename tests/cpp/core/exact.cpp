@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <random>
 #include <vector>
 
@@ -75,6 +77,62 @@ TEST(Exact, WhatHasNoPlaceIsZero) {
         EXPECT_EQ(exact(x, scale), 0);
     const double pieces[exact_pieces] = {0, nan, 1};
     EXPECT_EQ(from_pieces(pieces), 0);
+}
+
+/// As the lanes of a warp add: limb by limb, in 32 bits.
+template <class Integer>
+Integer sum_by_limbs(const std::vector<Integer>& lanes) {
+    return from_limbs<Integer>([&](int k) {
+        std::uint64_t all = 0;
+        for (Integer x : lanes) all += limb(x, k);
+        EXPECT_LE(all, 0xffffffffu);
+        return std::uint32_t(all);
+    });
+}
+
+TEST(Exact, LimbsOfAWarpAddUpToTheSum) {
+    __extension__ typedef unsigned __int128 Unsigned;
+    std::mt19937_64 random(11);
+    std::normal_distribution<double> normal;
+    const double scale = exact_scale(1.0);
+    for (int k = 0; k < 300; ++k) {
+        std::vector<Unsigned> wide(32);
+        std::vector<std::uint64_t> narrow(32);
+        Unsigned of_wide = 0;
+        std::uint64_t of_narrow = 0;
+        for (int lane = 0; lane < 32; ++lane) {
+            // Of either sign, and any bits at all, which go over the end.
+            const Int128 number = exact(normal(random) * std::ldexp(1.0, k % 90 - 40), scale);
+            wide[lane] = k % 3 == 0   ? Unsigned(number)
+                         : k % 3 == 1 ? Unsigned(random()) << 64 | random()
+                                      : ~Unsigned(0) - Unsigned(k / 3 * lane);
+            narrow[lane] = k % 2 ? random() : ~std::uint64_t(0);
+            of_wide += wide[lane];
+            of_narrow += narrow[lane];
+        }
+        EXPECT_TRUE(sum_by_limbs(wide) == of_wide);
+        EXPECT_EQ(sum_by_limbs(narrow), of_narrow);
+    }
+}
+
+TEST(Exact, KeysOrderAsNumbersDo) {
+    const double inf = std::numeric_limits<double>::infinity();
+    const double ascending[] = {-inf,   -1e300, -1.5, -1.0,  -5e-324, 0.0,
+                                5e-324, 1.0,    1.5,  1e300, inf};
+    std::uint64_t before = 0;
+    for (const double x : ascending) {
+        const std::uint64_t key = order_key(x);
+        EXPECT_GT(key, before);
+        EXPECT_EQ(from_order_key(key), x);
+        before = key;
+    }
+    EXPECT_LT(order_key(-0.0), order_key(0.0));
+    for (const double none : {std::nan(""), -std::nan("")}) {
+        EXPECT_GT(order_key(none), before);
+        EXPECT_TRUE(std::isnan(from_order_key(order_key(none))));
+    }
+    // What is low is found as the largest of the negatives.
+    EXPECT_EQ(-from_order_key(std::max(order_key(-3.0), order_key(2.0))), -2.0);
 }
 
 }  // namespace

@@ -3,8 +3,7 @@
 
 #include <string>
 
-#include "mpm/exec/cuda.cuh"
-#include "mpm/kernels/tally.hpp"
+#include "mpm/kernels/cuda/tally_sums.cuh"
 
 namespace mpm {
 
