@@ -7,7 +7,8 @@ K 0.1 MPa, one thread. `pressed`: uplift over ρ g d A, mean of 0.2 s after 0.5 
 at their end, on a box on faces of cells or a surface whose plane is so many cells above one and
 may lean; `lifted`: rise after 2 s beside that at which it would float; `carried`: friction of
 a block in water of its own speed, less μ of what uplift leaves of its weight, over μ of all of
-it; `cost`: time
+it; `afloat`: the same and the rise, in cells, of a block with contact that floats so many above
+a bed; `cost`: time
 of a step in space with uplift over that without, medians of five runs by turns. A line each goes to
 benchmarks/results/uplift.jsonl.
 """
@@ -30,7 +31,16 @@ from libmpm._src.cli import bench
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
-from support.uplift_scenes import DENSITY, GRAVITY, HALF, HIGH, loads, stream, tank  # noqa: E402
+from support.uplift_scenes import (  # noqa: E402
+    DENSITY,
+    GRAVITY,
+    HALF,
+    HIGH,
+    afloat,
+    loads,
+    stream,
+    tank,
+)
 
 
 def rise(sim: libmpm.Simulation, rest: float) -> float:
@@ -83,6 +93,15 @@ def carried(cell: float, depth: float, dimension: int) -> dict[str, Any]:
     return {"friction_error": rubs / (0.4 * weight), "uplift_of_weight": -down / weight}
 
 
+def floats(cell: float, off: float, dimension: int, surface: float | None) -> dict[str, Any]:
+    """Return friction of a block that floats over μ of its weight, and its rise in cells."""
+    sim, rest = begun(afloat(cell, off=off * cell, dimension=dimension, surface=surface))
+    sim.run(until=0.2, progress=False)
+    along, _ = loads(sim, "bed-friction", 0.05)
+    weight = 648 * GRAVITY * HIGH * (2 * HALF) ** (dimension - 1)
+    return {"friction": along / (0.7 * weight), "rise_cells": rise(sim, rest) / cell}
+
+
 def cost(cell: float) -> dict[str, Any]:
     """Return seconds a step with uplift over those without."""
     found: dict[bool, list[float]] = {True: [], False: []}
@@ -130,6 +149,11 @@ def main() -> int:
         ("carried", carried, {"cell": h, "depth": d, "dimension": n})
         for n, cells_of in ((2, cells), (3, cells[:2])) for h in cells_of
         for d in (0.025, 0.0375, 0.05)
+    ]  # fmt: skip
+    cases += [
+        ("afloat", floats, {"cell": h, "off": off, "dimension": n, "surface": place})
+        for n, cells_of in ((2, cells), (3, cells[1:2])) for h in cells_of for off in (0.5, 1.0)
+        for place in (None, 0.25, 0.7)
     ]  # fmt: skip
     cases += [("cost", cost, {"cell": 0.0125})]
     for name, measure, arguments in cases:

@@ -16,6 +16,8 @@ from libmpm import boundaries, contacts, materials, sensors, shapes
 from support import contact_scenes as cases
 from support.contact_scenes import Runner
 from support.devices import device  # noqa: F401
+from support.uplift_scenes import GRAVITY as G
+from support.uplift_scenes import HALF, HIGH, afloat, loads, tank
 
 GRAVITY, WATER = 9.81, 1000.0
 
@@ -280,3 +282,47 @@ def test_a_block_under_water_on_a_slope_gains_no_energy(
 
 def _rubs(friction: float) -> dict[str, float]:
     return {"static_friction": friction, "dynamic_friction": friction} if friction else {}
+
+
+BEDS: dict[str, dict[str, Any]] = {
+    "held box": {},
+    "linear box": {"response": boundaries.Separable()},
+    "surface, a quarter of a cell above a face": {"surface": 0.25},
+    "surface, seven tenths": {"surface": 0.7},
+}
+
+
+@pytest.mark.parametrize("bed", BEDS)
+@pytest.mark.parametrize(
+    ("dimension", "cell", "off"),
+    [(2, 0.025, 0.025), (2, 0.0125, 0.0125), (2, 0.00625, 0.00625), (2, 0.0125, 0.006),
+     (3, 0.0125, 0.0125)],
+)  # fmt: skip
+def test_a_bed_does_not_touch_what_floats_above_it(
+    device: str, dimension: int, cell: float, off: float, bed: str
+) -> None:
+    scene = afloat(cell, off=off, dimension=dimension, **BEDS[bed])
+    sim = libmpm.Simulation(scene, device=device, threads=1)
+    rest = sim.particles["debris-1"]["position"][:, -1].mean()
+    sim.run(until=0.2, progress=False)
+    weight = 648 * G * HIGH * (2 * HALF) ** (dimension - 1)
+    along, _ = loads(sim, "bed-friction", 0.02)
+    assert abs(along) < 0.03 * 0.7 * weight
+    end = sim.particles["debris-1"]
+    assert end["velocity"][:, 0].mean() > 0.95
+    # What pushes in place of a gap, contact where both fill a node by 0.7, asks for more than two
+    # cells in height.
+    assert abs(end["position"][:, -1].mean() - rest) < (0.2 if cell < 0.02 else 0.35) * cell
+
+
+@pytest.mark.parametrize("uplift", [False, True])
+@pytest.mark.parametrize("place", [0.2, 0.3])
+def test_what_is_nearly_as_heavy_as_water_stays_on_a_surface_off_faces(
+    device: str, place: float, uplift: bool
+) -> None:
+    cell = 0.0125
+    scene = tank(cell, density=987.0, contact=True, surface=place, uplift=uplift)
+    sim = libmpm.Simulation(scene, device=device, threads=1)
+    rest = sim.particles["debris-1"]["position"][:, -1].mean()
+    sim.run(until=1.0, progress=False)
+    assert abs(sim.particles["debris-1"]["position"][:, -1].mean() - rest) < 0.05 * cell

@@ -244,6 +244,30 @@ def test_boundary_for_one_body_lets_the_other_pass(device):
     assert free == pytest.approx(1.3 - fallen, abs=0.02)
 
 
+@pytest.mark.parametrize("wall", ["linear", "held"])
+def test_a_bed_for_one_body_holds_beside_walls(wall, device):
+    """Lines of a wall have a node across the wall, and the bed across itself."""
+    dx, depth = 0.0125, 0.05
+    scene = Scene(
+        dimension=2, cell_size=dx, lower=(0, -2 * dx), upper=(0.5, 0.2), gravity=(0, -9.81)
+    )
+    water = TaitFluid(density=1000.0, bulk_modulus=1e5)
+    scene.add_body(
+        name="water", shape=Box(lower=(0, 0), upper=(0.5, depth)), material=water, hydrostatic=depth
+    )
+    scene.add_body(
+        name="other", shape=Box(lower=(0.2, 0.1), upper=(0.25, 0.15)),
+        material=FixedCorotated(density=500, youngs_modulus=1e5, poissons_ratio=0.3),
+    )  # fmt: skip
+    bed = Box(lower=(-1, -1), upper=(2, 0))
+    scene.add_boundary(name="bed", shape=bed, response=Separable(cell="held"), bodies=("water",))
+    sides = DomainWalls(faces=("x-", "x+"))
+    scene.add_boundary(name="sides", shape=sides, response=Slip(cell=wall))
+    sim = Simulation(scene, device=device)
+    sim.run(until=0.1, progress=False)
+    assert sim.particles["water"]["position"][:, 1].min() > 0.2 * dx
+
+
 def test_within_limits_a_boundary_to_a_box():
     scene = Scene(dimension=2, cell_size=0.1, lower=(0, 0), upper=(4, 3), gravity=(0, -G))
     scene.add_boundary(

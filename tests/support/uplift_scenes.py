@@ -137,3 +137,56 @@ def stream(
     load = libmpm.sensors.LoadCell(boundary="bed-friction", interval=0.002)
     scene.add_sensor(name="bed-friction", sensor=load)
     return scene
+
+
+def afloat(
+    cell: float,
+    *,
+    off: float,
+    dimension: int = 2,
+    density: float = 648.0,
+    friction: float = 0.7,
+    speed: float = 1.0,
+    surface: float | None = None,
+    response: boundaries.Response | None = None,
+) -> libmpm.Scene:
+    """A block with contact that floats so many m above a bed, carried along by water of its speed.
+
+    `surface` as in `tank`; `response` is the bed's, which the block meets too.
+    """
+    wide = () if dimension == 2 else (0.1,)
+    y = () if dimension == 2 else (HALF,)
+    along = (speed,) + (0.0,) * (dimension - 1)
+    low = tuple(-a for a in wide)
+    depth = off + density / 1000 * HIGH
+    rise = cell * (surface or 0.0)
+    scene = libmpm.Scene(
+        dimension=dimension, cell_size=cell, lower=(-1.0, *low, -2 * cell - rise),
+        upper=(1.2, *wide, 0.3 - rise), gravity=(0.0,) * (dimension - 1) + (-GRAVITY,),
+    )  # fmt: skip
+    bed: shapes.Solid = shapes.Box(
+        lower=(-2.0, *(-1.0 for _ in wide), -1.0), upper=(2.0, *(1.0 for _ in wide), 0.0)
+    )
+    if surface is not None:
+        up = (0.0,) * (dimension - 1) + (1.0,)
+        bed = shapes.HalfSpace(point=(0.0,) * dimension, normal=up)
+    block = shapes.Box(lower=(-HALF, *(-a for a in y), off), upper=(HALF, *y, off + HIGH))
+    scene.add_body(name="debris-1", shape=block, velocity=along, material=solid(density))
+    water = shapes.Box(lower=(-1.0, *low, 0.0), upper=(1.0, *wide, depth))
+    scene.add_body(
+        name="water", shape=shapes.Difference(whole=water, without=block), hydrostatic=depth,
+        material=materials.TaitFluid(bulk_modulus=K), velocity=along,
+        sampling="default" if surface is None else shapes.Columns(),
+    )  # fmt: skip
+    scene.add_boundary(
+        name="bed", shape=bed, response=response or boundaries.Separable(cell="held")
+    )
+    sides = ("x-", "x+") if dimension == 2 else ("x-", "x+", "y-", "y+")
+    scene.add_boundary(
+        name="walls", shape=shapes.DomainWalls(faces=sides), response=boundaries.Slip()
+    )
+    flumes.add_bed_friction(scene, bed, {"debris-1": friction})
+    add_contacts(scene, 0.3)
+    load = libmpm.sensors.LoadCell(boundary="bed-friction", interval=0.002)
+    scene.add_sensor(name="bed-friction", sensor=load)
+    return scene

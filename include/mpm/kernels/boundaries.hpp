@@ -7,6 +7,11 @@
 
 namespace mpm {
 
+/// Solids of particles touch what lets go once the gap is closed (`NodeUpdate::closing_speed`),
+/// rigid bodies and those of elements wherever nodes are held: they feel walls at points of their
+/// own, or fill nodes otherwise than their masses say.
+enum SolidField : std::int32_t { closes_gaps = 1, held_by_nodes = 2 };
+
 template <int D>
 struct BoundaryView {
     const BoundaryRecord<D>* records;
@@ -19,7 +24,8 @@ struct BoundaryView {
     bool mirrors = false;        // any face is a mirror
     int down = -1;               // the axis along which gravity is largest
     bool restricted = false;     // any is for some bodies alone
-    // (fields,): 1 where a field of velocities is of solids alone, beside contacts; null without.
+    // (fields,): `SolidField` of those whose velocities are of solids alone, beside contacts; 0 of
+    // others; null without contacts.
     const std::int32_t* solid_fields = nullptr;
 
     /// May lines slide along slopes? Not where bodies of other fields push at single nodes of them.
@@ -43,11 +49,41 @@ MPM_INLINE SurfaceLaw law_with(SurfaceLaw law, bool friction) {
     return law;
 }
 
+/// Of who asks for a node: how fast what is there closes its gap to a plane
+/// (`NodeUpdate::closing_speed`).
+template <class Share, int D>
+struct ClosingSpeed {
+    const Share& share;
+    MPM_INLINE double operator()(int axis, int sign, double height,
+                                 const double (&leans)[D]) const {
+        if constexpr (requires { share.closing_speed(axis, sign, height, leans); })
+            return share.closing_speed(axis, sign, height, leans);
+        else
+            return 0;
+    }
+};
+/// What a face leaves of the velocity of a node so many cells above it.
+template <bool special, class T, int D, class Share>
+MPM_INLINE Vec<T, D> respond_at_face(const SurfaceLaw& law, int axis, int sign, double height,
+                                     const Vec<T, D>& v, const Vec<T, D>& wall,
+                                     const Share& share) {
+    Vec<T, D> at = wall;
+    if constexpr (special) {
+        Vec<T, D> normal{};
+        normal[axis] = T(sign);
+        at = wall_behind_gap(law, normal, v, wall, [&] {
+            const double level[D] = {};
+            return T(ClosingSpeed<Share, D>{share}(axis, sign, height, level));
+        });
+    }
+    return respond(law, axis, T(sign), v, at);
+}
+
 /// Boundaries that only some scenes have; true where the record is one of them and done with.
-template <class T, int D, class Seen>
+template <class T, int D, class Seen, class Share>
 MPM_CALL bool apply_special(const BoundaryView<D>& all, int b, const std::int64_t (&cell)[D],
                             const Vec<T, D>& wall, const BoundAxes<D>& bound, Vec<T, D>& v,
-                            const Seen& seen, bool rubs) {
+                            const Seen& seen, bool rubs, const Share& share) {
     const Reconverge at_return;
     const BoundaryRecord<D>& r = all.records[b];
     double x[D];
@@ -58,7 +94,7 @@ MPM_CALL bool apply_special(const BoundaryView<D>& all, int b, const std::int64_
         if (r.law[0].linear) return true;  // wall_lines.hpp
         const Vec<T, D> before = v;
         if (respond_to_surface<T, D>(all.surfaces[r.surface - 1], law_with(r.law[0], rubs), x, wall,
-                                     bound, all.cell_size, v))
+                                     bound, all.cell_size, v, ClosingSpeed<Share, D>{share}))
             seen(b, 0, before, v);
         return true;
     }
@@ -71,15 +107,20 @@ MPM_CALL bool apply_special(const BoundaryView<D>& all, int b, const std::int64_
     return true;
 }
 
-template <bool special, class T, int D, class Seen>
+/// Where every body counts.
+struct WholeShare {
+    MPM_INLINE double operator()(std::uint64_t) const { return 1; }
+};
+
+template <bool special, class T, int D, class Seen, class Share = WholeShare>
 MPM_INLINE void apply_boundary(const BoundaryView<D>& all, int b, const std::int64_t (&cell)[D],
                                const BoundAxes<D>& bound, Vec<T, D>& v, const Seen& seen,
-                               bool rubs = true) {
+                               bool rubs = true, const Share& share = {}) {
     const BoundaryRecord<D>& r = all.records[b];
     Vec<T, D> wall;
     for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
     if constexpr (special) {
-        if (apply_special<T, D>(all, b, cell, wall, bound, v, seen, rubs)) return;
+        if (apply_special<T, D>(all, b, cell, wall, bound, v, seen, rubs, share)) return;
     }
     if (!r.is_box) {
         // The wall of face x- lies at the lower side of cell 0: nodes 0 and beyond it are held.
@@ -95,7 +136,11 @@ MPM_INLINE void apply_boundary(const BoundaryView<D>& all, int b, const std::int
                 if (mirrors(r.law[face].response)) continue;
             }
             const Vec<T, D> before = v;
-            v = respond(law_with(r.law[face], rubs), a, face % 2 == 0 ? T(1) : T(-1), before, wall);
+            const int sign = face % 2 == 0 ? 1 : -1;
+            const double height = face % 2 == 0 ? double(cell[a] - r.lower[a]) + 0.5
+                                                : double(r.upper[a] - cell[a]) - 0.5;
+            v = respond_at_face<special>(law_with(r.law[face], rubs), a, sign, height, before, wall,
+                                         share);
             seen(b, face, before, v);
         }
         return;
@@ -122,59 +167,57 @@ MPM_INLINE void apply_boundary(const BoundaryView<D>& all, int b, const std::int
             if (r.law[f].linear && least < 1) continue;  // wall_lines.hpp
         }
         const Vec<T, D> before = v;
-        v = respond(law_with(r.law[f], rubs), f / 2, f % 2 == 0 ? T(-1) : T(1), before, wall);
+        v = respond_at_face<special>(law_with(r.law[f], rubs), f / 2, f % 2 == 0 ? -1 : 1,
+                                     -double(depth[f]) - 0.5, before, wall, share);
         seen(b, f, before, v);
     }
 }
 
-/// Where every body counts.
-struct WholeShare {
-    MPM_INLINE double operator()(std::uint64_t) const { return 1; }
-};
-
 /// What a boundary for some bodies alone, `part` of the node's mass, makes of a node's velocity
 /// `v` where other walls have changed it from what the node would do by itself, `free`: it responds
 /// to that. Of what it takes across itself, that which others have taken is not taken again,
-/// nothing where lines hold the node (`lined`); along itself it rubs with `rubs`, a part of what
+/// nothing of axes on which lines hold the node; along itself it rubs with `rubs`, a part of what
 /// presses there, against what others have left the node of its velocity along it, and stops that
 /// part at most. So friction beside a wall in the same place is that of what presses on both. One
 /// that sticks or prescribes has the node's velocity `v` as it is, without a part for others.
 /// `seen` hears of it once, with the last of its faces.
-template <class T, int D, class Seen>
+template <class T, int D, class Seen, class Share>
 MPM_CALL void respond_beside_others(const BoundaryView<D>& all, int b,
                                     const std::int64_t (&cell)[D], T part, T rubs,
-                                    const Vec<T, D>& free, bool lined, Vec<T, D>& v,
-                                    const Seen& seen) {
+                                    const Vec<T, D>& free, const BoundAxes<D>& lines, Vec<T, D>& v,
+                                    const Seen& seen, const Share& share) {
     const Reconverge at_return;
     int face = -1;
     const auto hears = [&](int, int at, const Vec<T, D>&, const Vec<T, D>&) { face = at; };
     const Vec<T, D> before = v;
     Vec<T, D> smooth = free;
-    apply_boundary<true>(all, b, cell, BoundAxes<D>{}, smooth, hears, false);
+    apply_boundary<true>(all, b, cell, BoundAxes<D>{}, smooth, hears, false, share);
     if (face < 0) return;
     const Response law = all.records[b].law[all.records[b].surface > 0 ? 0 : face].response;
     if (law == Response::sticky || law == Response::prescribed) {
         // It acts on whole components: there is no direction that others have taken a part of.
-        apply_boundary<true>(all, b, cell, BoundAxes<D>{}, v, hears, false);
+        apply_boundary<true>(all, b, cell, BoundAxes<D>{}, v, hears, false, share);
         for (int a = 0; a < D; ++a) v[a] = before[a] + part * (v[a] - before[a]);
         return seen(b, face, before, v);
     }
-    T size = 0, done = 0;  // by others, along what it takes
+    T size = 0, done = 0, lined = 0;  // by others, along what it takes
     for (int a = 0; a < D; ++a) {
-        const T across = smooth[a] - free[a];
+        const T across = smooth[a] - free[a], by_others = across * (v[a] - free[a]);
         size += across * across;
-        done += across * (v[a] - free[a]);
+        done += by_others;
+        lined += lines.on[a] ? across * across : by_others;
     }
     if (!(size > T(0))) return seen(b, face, before, v);  // nothing presses
-    T left = lined ? T(0) : T(1) - done / size;
+    T left = T(1) - lined / size;
     left = left > T(0) ? (left < T(1) ? left : T(1)) : T(0);
     // Pressed as the node would press by itself, and sliding as others leave it.
     Vec<T, D> slides, rough;
     for (int a = 0; a < D; ++a) slides[a] = rough[a] = v[a] - done / size * (smooth[a] - free[a]);
-    apply_boundary<true>(all, b, cell, BoundAxes<D>{}, slides, hears, false);
-    apply_boundary<true>(all, b, cell, BoundAxes<D>{}, rough, hears, true);
+    apply_boundary<true>(all, b, cell, BoundAxes<D>{}, slides, hears, false, share);
+    apply_boundary<true>(all, b, cell, BoundAxes<D>{}, rough, hears, true, share);
     for (int a = 0; a < D; ++a)
-        v[a] += part * left * (smooth[a] - free[a]) + rubs * (rough[a] - slides[a]);
+        v[a] += (lines.on[a] ? T(0) : part * left * (smooth[a] - free[a])) +
+                rubs * (rough[a] - slides[a]);
     seen(b, face, before, v);
 }
 
@@ -195,7 +238,7 @@ MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t 
         if constexpr (special) {
             if (r.share != 0) continue;
         }
-        apply_boundary<special>(all, b, cell, bound, v, seen);
+        apply_boundary<special>(all, b, cell, bound, v, seen, true, share);
     }
     if constexpr (special) {
         if (!all.restricted) return;
@@ -204,9 +247,6 @@ MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t 
             for (int a = 0; a < D; ++a) any = any || v[a] != free[a];
             return any;
         };
-        bool lined = false;
-        for (int a = 0; a < D; ++a) lined = lined || bound.on[a];
-        lined = lined && changed();
         for (int b = 0; b < all.count; ++b) {
             const BoundaryRecord<D>& r = all.records[b];
             if (!r.active || r.share == 0) continue;
@@ -215,7 +255,7 @@ MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t 
             if (changed()) {
                 T rubs = part;
                 if constexpr (requires { share.rubs(b, part); }) rubs = share.rubs(b, part);
-                respond_beside_others<T, D>(all, b, cell, part, rubs, free, lined, v, seen);
+                respond_beside_others<T, D>(all, b, cell, part, rubs, free, bound, v, seen, share);
                 continue;
             }
             const auto of_part = [&](const Vec<T, D>& from, const Vec<T, D>& to) {
@@ -224,10 +264,12 @@ MPM_INLINE void apply_boundaries(const BoundaryView<D>& all, const std::int64_t 
                 return out;
             };
             const Vec<T, D> before = v;
-            apply_boundary<true>(all, b, cell, bound, v,
-                                 [&](int k, int face, const Vec<T, D>& x, const Vec<T, D>& y) {
-                                     seen(k, face, x, of_part(x, y));
-                                 });
+            apply_boundary<true>(
+                all, b, cell, bound, v,
+                [&](int k, int face, const Vec<T, D>& x, const Vec<T, D>& y) {
+                    seen(k, face, x, of_part(x, y));
+                },
+                true, share);
             v = of_part(before, v);
         }
     }

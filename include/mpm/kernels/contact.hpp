@@ -224,14 +224,12 @@ struct NodeContact {
     MPM_INLINE void respond_of(int n, Fields& f, int i, const Seen& seen) const {
         respond(n, f, i, f.velocity[i], Told<Seen>{&f.held[i], &seen, &f, i, f.count, i});
     }
-    /// What boundaries make of a velocity of a field, and of all that is stuck to it.
-    template <class Seen>
-    MPM_CALL void respond(int n, const Fields& f, int i, Vec<T, D>& v, const Seen& seen) const {
-        const Reconverge at_return;
-        if (!node.touched[f.slot[i]]) return;
-        std::int64_t c[D];
-        node.cell(f.slot[i], n, c);
-        const auto share = [&](std::uint64_t channels) {
+    /// Of a field and all that is stuck to it, as `apply_boundaries` asks for it.
+    struct Share {
+        const NodeUpdate<T, Sum, D>& node;
+        const Fields& f;
+        int n, i;
+        MPM_INLINE double operator()(std::uint64_t channels) const {
             double part = 0, all = 0;
             for (int k = i; k < f.count; ++k) {
                 if (f.of[k] != i) continue;
@@ -239,7 +237,28 @@ struct NodeContact {
                 all += node.part_of(node.sums(f.slot[k], n), 1);
             }
             return part < all ? part / all : 1.0;
-        };
+        }
+        /// The slowest of them: what is stuck touches with the first.
+        MPM_INLINE double closing_speed(int axis, int sign, double height,
+                                        const double (&leans)[D]) const {
+            double least = node.share(f.slot[i], n).closing_speed(axis, sign, height, leans);
+            for (int k = i + 1; k < f.count; ++k) {
+                if (f.of[k] != i) continue;
+                const double one =
+                    node.share(f.slot[k], n).closing_speed(axis, sign, height, leans);
+                least = one < least ? one : least;
+            }
+            return least;
+        }
+    };
+    /// What boundaries make of a velocity of a field, and of all that is stuck to it.
+    template <class Seen>
+    MPM_CALL void respond(int n, const Fields& f, int i, Vec<T, D>& v, const Seen& seen) const {
+        const Reconverge at_return;
+        if (!node.touched[f.slot[i]]) return;
+        std::int64_t c[D];
+        node.cell(f.slot[i], n, c);
+        const Share share{node, f, n, i};
         const Vec<T, D> free = v;
         BoundAxes<D> bound;
         if (on_lines(f.slot[i])) {

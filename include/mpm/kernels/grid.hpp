@@ -2,6 +2,7 @@
 #pragma once
 
 #include "mpm/kernels/wall_lines.hpp"
+#include "mpm/physics/contact.hpp"
 
 namespace mpm {
 
@@ -183,6 +184,58 @@ struct NodeUpdate {
                 part += from_sum<double>(s[c * block_cells], clock->unit_read[mass_sum]);
         return part;
     }
+    /// How fast a solid that has contact closes its gap to a plane in one step, m/s: 0 where it
+    /// touches. Held nodes reach two cells: by them alone a body would lie on a bed, and rub there,
+    /// that water between them keeps it off. The plane's normal is along an axis, or leans by
+    /// `leans`, its parts over that along the axis; the node lies so many cells above it along the
+    /// axis. The gap follows from the rows of nodes on both sides of the body's face, of which the
+    /// lower one has less mass the further off the face lies; both have as little beside its edges.
+    /// Below a corner the rows have the gap of a face further off, the more the steeper its sides
+    /// rise to the columns beside it (design/walls.md, 9).
+    MPM_CALL double closing_speed(std::int32_t slot, int node, int axis, int sign, double height,
+                                  const double (&leans)[D]) const {
+        const Reconverge at_return;
+        const BlockTableView<D>& table = grid.table;
+        const std::int64_t field = std::int64_t(table.keys_of.field(table.keys[slot]));
+        if (boundaries.solid_fields[field] != closes_gaps) return 0;
+        // The lower row is that with heights in (-1/4, 3/4].
+        const int up = int(floor(0.75 - height));
+        if (up < -1 || up > 1) return 0;
+        // Mass of a row of the node's column, or of one beside it.
+        const auto row = [&](int by, int beside, int side) {
+            int at[D], around, there;
+            Block<D>::coordinates(node, at);
+            for (int a = 0; a < D; ++a)
+                at[a] += Block<D>::margin + (a == axis ? by * sign : a == beside ? side : 0);
+            arena_node<D>(at, around, there);
+            const std::int32_t of =
+                table.neighbours[std::int64_t(slot) * Block<D>::neighbours + around];
+            return of < 0 ? 0.0 : from_sum<double>(sums(of, there)[0], clock->unit_read[mass_sum]);
+        };
+        const auto gap_below = [&](double lower, double upper, double low) {  // cells
+            double gap = 0;
+            const double touching = upper * filled_at(low) / filled_at(low + 1);
+            for (int k = 0; k < 4 && lower < touching; ++k)
+                gap = low - depth_of(lower / upper * filled_at(low + 1 - gap));
+            return gap;
+        };
+        const double low = height + up, upper = row(up + 1, axis, 0),
+                     here = gap_below(row(up, axis, 0), upper, low);
+        double gap = here;
+        for (int a = 0; a < D && gap > 0; ++a) {
+            if (a == axis) continue;
+            double rise = 0;
+            for (int side = -1; side < 2; side += 2) {
+                const double above = row(up + 1, a, side);
+                if (!(above > 1e-3 * upper)) continue;
+                const double more =
+                    gap_below(row(up, a, side), above, low + side * leans[a]) - here;
+                rise = more > rise ? more : rise;
+            }
+            gap -= 1.1 * rise < 0.5 ? 1.1 * rise : 0.5;
+        }
+        return gap > 0 ? gap * boundaries.cell_size / clock->dt : 0;
+    }
     /// Of a node, as `apply_boundaries` asks for it.
     struct Share {
         const NodeUpdate& of;
@@ -195,6 +248,11 @@ struct NodeUpdate {
         }
         MPM_INLINE T rubs(int boundary, T part) const {
             return of.rubbing.at(boundary, of.touched[slot], node, part);
+        }
+        MPM_INLINE double closing_speed(int axis, int sign, double height,
+                                        const double (&leans)[D]) const {
+            if (!of.boundaries.solid_fields) return 0;
+            return of.closing_speed(slot, node, axis, sign, height, leans);
         }
     };
     MPM_INLINE Share share(std::int32_t slot, int node) const { return {*this, slot, node}; }

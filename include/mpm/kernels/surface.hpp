@@ -155,12 +155,13 @@ inline constexpr double least_open = 0.1;
 /// What a surface leaves of the velocity of a node at `x`, so far from it; false where it does not
 /// reach it. `normal` is that of the body as it lies. `own` is a velocity that its face has beside
 /// its motion. What lines towards walls have of a node is theirs; the rest of it changes as if that
-/// were at rest, which gives the node no energy.
-template <class T, int D>
+/// were at rest, which gives the node no energy. Where a surface lets go, what is off it comes as
+/// near as it can in this step first (`NodeUpdate::closing_speed`).
+template <class T, int D, class Closing>
 MPM_CALL bool respond_near_surface(const SurfaceRecord<D>& s, const SurfaceLaw& law,
                                    const double (&x)[D], double distance, const double (&normal)[D],
                                    const Vec<T, D>& own, const BoundAxes<D>& walls,
-                                   double cell_size, Vec<T, D>& v) {
+                                   double cell_size, Vec<T, D>& v, const Closing& closing_speed) {
     const Reconverge at_return;
     double wall[D];
     const double share = law.response == Response::prescribed
@@ -177,6 +178,7 @@ MPM_CALL bool respond_near_surface(const SurfaceRecord<D>& s, const SurfaceLaw& 
         w[a] = T(wall[a]) + own[a];
         length += turned * turned;
     }
+    const Vec<T, D> face = n;
     // Where there is no direction to leave by, deep inside, nothing moves against the body.
     SurfaceLaw as = law;
     if (!(length > 0) && law.response != Response::prescribed) as.response = Response::sticky;
@@ -193,22 +195,34 @@ MPM_CALL bool respond_near_surface(const SurfaceRecord<D>& s, const SurfaceLaw& 
         const T scale = T(1 / sqrt(part));
         for (int a = 0; a < D; ++a) n[a] = bound.on[a] ? T(0) : n[a] * scale;
     }
-    const Vec<T, D> held = respond_along(as, n, open, w);
+    const Vec<T, D> at = wall_behind_gap(as, n, open, w, [&] {
+        int across = 0;
+        for (int a = 1; a < D; ++a)
+            if (absolute(face[a]) > absolute(face[across])) across = a;
+        const double lean = absolute(double(face[across]));
+        double leans[D];
+        for (int a = 0; a < D; ++a) leans[a] = double(face[a]) / lean;
+        return T(lean * closing_speed(across, face[across] > T(0) ? 1 : -1,
+                                      distance / (lean * cell_size), leans));
+    });
+    const Vec<T, D> held = respond_along(as, n, open, at);
     for (int a = 0; a < D; ++a)
         if (!bound.on[a]) v[a] = v[a] - T(share) * (v[a] - held[a]);
     return true;
 }
 
 /// The same of a node that has to find the surface.
-template <class T, int D>
+template <class T, int D, class Closing>
 MPM_CALL bool respond_to_surface(const SurfaceRecord<D>& s, const SurfaceLaw& law,
                                  const double (&x)[D], const Vec<T, D>& own,
-                                 const BoundAxes<D>& walls, double cell_size, Vec<T, D>& v) {
+                                 const BoundAxes<D>& walls, double cell_size, Vec<T, D>& v,
+                                 const Closing& closing_speed) {
     const Reconverge at_return;
     double there[D], normal[D], distance;
     s.to_body(x, there);
     if (!s.field.at(there, distance, normal)) return false;
-    return respond_near_surface<T, D>(s, law, x, distance, normal, own, walls, cell_size, v);
+    return respond_near_surface<T, D>(s, law, x, distance, normal, own, walls, cell_size, v,
+                                      closing_speed);
 }
 
 }  // namespace mpm

@@ -18,28 +18,6 @@ struct UpliftRecord {
 /// One word has a bit for each that a node lies above.
 inline constexpr int most_uplifts = 32;
 
-/// Part of a node that lies above a plane, whose height above the plane is given in cells: of
-/// quadratic splines, ∫ N ds.
-MPM_INLINE double part_above(double height) {
-    const double far = absolute(height);
-    const double upper = far < 0.5   ? 0.5 + (0.75 - far * far / 3) * far
-                         : far < 1.5 ? 1 - (1.5 - far) * (1.5 - far) * (1.5 - far) / 6
-                                     : 1;
-    return height < 0 ? 1 - upper : upper;
-}
-/// The height of which that is the part.
-MPM_INLINE double height_of_part(double part) {
-    const double lower = part < 0.5 ? part : 1 - part;
-    double far = 0;  // below a half
-    if (lower < 1.0 / 6) {
-        far = 1.5 - cbrt(6 * lower);
-    } else {
-        far = (0.5 - lower) / 0.75;
-        for (int k = 0; k < 3; ++k)  // at most a half: digits double from the second on
-            far -= ((0.75 - far * far / 3) * far - (0.5 - lower)) / (0.75 - far * far);
-    }
-    return part < 0.5 ? -far : far;
-}
 /// Of a node half a cell above a bed, and the mean height of that part in cells: with s from the
 /// bed, ∫ s N ds over it.
 inline constexpr double above_bed = 5.0 / 6, height_above_bed = 0.65;
@@ -144,6 +122,7 @@ struct UpliftView {
     int pressure_count;
     // (fields,): 1 where a field of velocities is of solids alone; null without contacts.
     const std::int32_t* solid_fields;
+    double meets;           // part of a node that solids and fluids fill where contact begins
     std::int64_t cells[D];  // of the domain
 };
 
@@ -305,7 +284,7 @@ struct NodeUplift {
         BedPlace<D> bed(OnBed::none, axis, up);
         if (next_on_bed(r.boundary, along, side, next, bed)) {
             const Place p = at(next);
-            if (p.water > 0 && p.solid < 0.025 * part_above(bed.height) * r.full)
+            if (p.water > 0 && p.solid < 0.025 * filled_at(bed.height) * r.full)
                 return on_bed(next, p, r.boundary);
         }
         return on_bed(cell, first, r.boundary);
@@ -382,18 +361,20 @@ struct NodeUplift {
         found.pressed = in_gap(cell, r) * area(node.boundaries.cell_size) * node.clock->dt;
         // A base that has come off the bed has less mass here, and as much as before in the row
         // above, of a body that is two cells high: so high it is, and so much thicker is the gap.
-        const double whole = part_above(bed.height), foot = found.mass / r.full, own = foot / whole,
+        const double whole = filled_at(bed.height), foot = found.mass / r.full, own = foot / whole,
                      above = mass_above(slot, cell, b.share) / r.full;
         double wide = own, off = 0, left = whole;
         for (int k = 0; k < 3; ++k) {
-            const double next = above / part_above(bed.height + 1 - off);
+            const double next = above / filled_at(bed.height + 1 - off);
             wide = next > own ? (next < 1 ? next : 1.0) : (own < 1 ? own : 1.0);
             left = foot / wide < whole ? foot / wide : whole;
-            off = bed.height - height_of_part(left);
+            off = bed.height - depth_of(left);
             if (!(off > 0)) off = 0;
         }
-        // What little mass is left here is pushed with at most twice its part of what was.
-        found.covered = wide < 2 * own ? wide : 2 * own;
+        // What little mass is left here is pushed with at most so many times its part of what was:
+        // twice where it has the water's velocity, or it threw the water.
+        const double most = (uplift.solid_fields ? 4 : 2) * own;
+        found.covered = wide < most ? wide : most;
         if (there.solid > found.mass) found.solid = found.mass / there.solid;
         const double others = there.solid > found.mass ? (there.solid - found.mass) / r.full : 0;
         if (there.water > 0) found.free = 1 - wide - others / whole;
@@ -406,6 +387,8 @@ struct NodeUplift {
         if (opened > 0.1) {
             wet = (there.water / water_full - found.free * whole) / (wide * opened);
             wet = wet > 0 ? (wet < 1 ? wet : 1.0) * (opened < 0.3 ? (opened - 0.1) / 0.2 : 1.0) : 0;
+            if (uplift.solid_fields)
+                wet *= pushes((there.solid / r.full + there.water / water_full) / whole);
         }
         found.filled = wide * wet;
         const double weight =
@@ -414,6 +397,12 @@ struct NodeUplift {
         const bool leans = b.surface > 0 && plane_around(cell, r.boundary, bed);
         for (int a = 0; a < D; ++a) found.normal[a] = leans || a == axis ? bed.normal[a] : 0;
         return found;
+    }
+    /// Does water beside contacts carry a base? Once both fill enough of what is above the bed of
+    /// the node to push each other half a cell above it.
+    MPM_INLINE double pushes(double filled) const {
+        const double part = (filled - uplift.meets / above_bed) / 0.12;
+        return part > 0 ? (part < 1 ? part : 1.0) : 0;
     }
     /// Of some channels of a node's field, in the row above it, kg.
     MPM_INLINE double mass_above(std::int32_t slot, const std::int64_t (&cell)[D],
@@ -433,7 +422,7 @@ struct NodeUplift {
     MPM_INLINE bool covers(const Place& p, const std::int64_t (&cell)[D], const BedPlace<D>& bed,
                            const UpliftRecord& r) const {
         const double least = 0.25 * r.full;
-        if (p.solid > least * part_above(bed.height)) return true;
+        if (p.solid > least * filled_at(bed.height)) return true;
         if (!(p.solid > 0)) return false;
         std::int64_t above[D];
         moved_along<D>(cell, axis, up, above);

@@ -245,7 +245,7 @@ struct FollowLines {
             if (line.holds() || !(s.leader > T(least_leader) * s.mass)) {
                 // Without a leader there is no field: nodes at the plane are held one by one.
                 if (line.holds() || line.place <= 0) {
-                    v = respond(by.law, a, T(line.sign), before, by.velocity);
+                    v = hold(line, a, node.share(slot, number), by, before);
                     seen(line.boundary, line.face, before, v);
                 }
                 const bool stands = v[a] == by.velocity[a];
@@ -282,6 +282,17 @@ struct FollowLines {
         }
         return bound;
     }
+    /// What the plane of a line leaves of the velocity of a node that it holds by itself.
+    template <class Share>
+    MPM_INLINE Vec<T, D> hold(const WallLine& line, int axis, const Share& share, const Wall& by,
+                              const Vec<T, D>& v) const {
+        return respond_at_face<true>(by.law, axis, line.sign, line.place + 0.5, v, by.velocity,
+                                     share);
+    }
+    MPM_INLINE auto share_of(std::int32_t slot, const std::int64_t (&cell)[D]) const {
+        std::int64_t block[D];
+        return node.share(slot, block_of_node<D>(cell, block));
+    }
     MPM_INLINE void bind(BoundAxes<D>& bound, int axis, const WallLine& line) const {
         bound.bind(axis, line.sign, (line.place + 0.5) * node.boundaries.cell_size);
         bound.shut[axis] = line.form == WallLine::shut;
@@ -304,8 +315,9 @@ struct FollowLines {
     }
     /// A node that no line leads, as a held surface has it.
     template <class Seen>
-    MPM_INLINE void hold_at_surface(int b, const std::int64_t (&cell)[D], const BoundAxes<D>& bound,
-                                    Vec<T, D>& v, const Seen& seen) const {
+    MPM_INLINE void hold_at_surface(int b, std::int32_t slot, const std::int64_t (&cell)[D],
+                                    const BoundAxes<D>& bound, Vec<T, D>& v,
+                                    const Seen& seen) const {
         const BoundaryRecord<D>& r = node.boundaries.records[b];
         const SurfaceRecord<D>& s = node.boundaries.surfaces[r.surface - 1];
         const Vec<T, D> before = v;
@@ -314,12 +326,14 @@ struct FollowLines {
         Vec<T, D> wall;
         for (int a = 0; a < D; ++a) wall[a] = T(r.velocity[a]);
         const SurfaceNode<D>* is = known.surfaces ? known.surfaces + listed_at : nullptr;
+        const auto share = share_of(slot, cell);
+        const ClosingSpeed<std::remove_cv_t<decltype(share)>, D> closing_speed{share};
         const bool acted =
             is && is->boundary == b && is->state == SurfaceLine<D>::held
                 ? respond_near_surface<T, D>(s, r.law[0], x, is->lead, is->normal, wall, bound,
-                                             node.boundaries.cell_size, v)
+                                             node.boundaries.cell_size, v, closing_speed)
                 : respond_to_surface<T, D>(s, r.law[0], x, wall, bound, node.boundaries.cell_size,
-                                           v);
+                                           v, closing_speed);
         if (acted) seen(b, 0, before, v);
     }
     /// A surface across its own normal. What walls on cell faces hold (`bound`) is left alone.
@@ -333,7 +347,8 @@ struct FollowLines {
         const SurfaceRecord<D>& s = all.surfaces[r.surface - 1];
         const SurfaceLaw& law = r.law[0];
         const Vec<T, D> before = v;
-        if (line.state == SurfaceLine<D>::held) return hold_at_surface(b, cell, walls, v, seen);
+        if (line.state == SurfaceLine<D>::held)
+            return hold_at_surface(b, slot, cell, walls, v, seen);
         if (line.state != SurfaceLine<D>::on) return;
         const double size = all.cell_size;
         const BoundAxes<D> bound = walls.before(line.normal, line.share * line.lead * size, size);
@@ -388,7 +403,7 @@ struct FollowLines {
         // As at walls on cell faces: `operator()`, `let_go`.
         const bool leads = line.leader == 0;
         if (!(leader > T(least_leader) * mass))
-            return leads ? void() : hold_at_surface(b, cell, bound, v, seen);
+            return leads ? void() : hold_at_surface(b, slot, cell, bound, v, seen);
         const T lead = push / inert;
         T along = 0, is = 0;
         for (int a = 0; a < D; ++a) {
@@ -448,12 +463,19 @@ struct FollowLines {
             if (line.form == WallLine::none || (!line.holds() && line.place > 0)) continue;
             const Wall by = wall(line);
             Vec<T, D> least = by.velocity;
+            if (line.holds()) {
+                const Vec<T, D> before = v;
+                v = hold(line, a, share_of(slot, cell), by, before);
+                seen(line.boundary, line.face, before, v);
+                if (line.form != WallLine::held && v[a] == least[a]) bind(bound, a, line);
+                continue;
+            }
             const T off = T(line.sign) * (lined[a] - least[a]);
             if (by.law.response != Response::separable || off < T(0)) least[a] = lined[a];
             const Vec<T, D> before = v;
             v = respond(by.law, a, T(line.sign), before, least);
             seen(line.boundary, line.face, before, v);
-            if (line.form != WallLine::held && v[a] == least[a]) bind(bound, a, line);
+            if (v[a] == least[a]) bind(bound, a, line);
         }
         for (int b = 0; b < node.boundaries.count && node.boundaries.surface_lines; ++b) {
             const BoundaryRecord<D>& r = node.boundaries.records[b];
@@ -463,7 +485,7 @@ struct FollowLines {
                 (line.state == SurfaceLine<D>::on && line.leader == 0))
                 continue;
             if (line.state == SurfaceLine<D>::held) {
-                hold_at_surface(b, cell, bound, v, seen);
+                hold_at_surface(b, slot, cell, bound, v, seen);
                 continue;
             }
             const Vec<T, D> before = v;

@@ -345,8 +345,25 @@ void Boundaries<X, D>::set_pressures(const Spec& spec, const Plan& plan) {
 
 template <class X, int D>
 void Boundaries<X, D>::set_fields(const Spec& spec) {
-    if (!spec.contact.any() || !(linear_walls_ || linear_surfaces_)) return;
-    solid_fields_.assign(fields_of_solids(spec));
+    if (!spec.contact.any()) return;
+    auto fields = fields_of_solids(spec);
+    // What no law keeps apart from others moves, and touches, as a run with one field has it.
+    const std::size_t kinds = spec.contact.density.size();
+    for (std::size_t f = 0; f < fields.size(); ++f) {
+        const auto* laws = spec.contact.law_of.data() + std::size_t(spec.contact.kind[f]) * kinds;
+        const bool apart = std::any_of(laws, laws + kinds, [](int law) { return law >= 0; });
+        if (fields[f] == closes_gaps && !apart) fields[f] = held_by_nodes;
+    }
+    // Nodes that a gap keeps from what lets go are asked in the pass over nodes beside boundaries,
+    // as load cells and contact ask them.
+    bool lets_go = false;
+    for (const BoundarySpec& s : spec.boundaries)
+        for (const SurfaceLaw& law : s.law)
+            lets_go = lets_go || law.response == Response::separable;
+    const bool closes = std::count(fields.begin(), fields.end(), +closes_gaps) > 0;
+    lists_ = lists_ || (closes && lets_go && !mirrored_walls_);
+    if (!lists_) std::replace(fields.begin(), fields.end(), +closes_gaps, +held_by_nodes);
+    solid_fields_.assign(fields);
 }
 
 template <class X, int D>

@@ -37,14 +37,18 @@ std::vector<GroupPressure> group_pressures(const Spec& spec, const Plan& plan) {
     return found;
 }
 
-/// (fields,): 1 where a field of velocities is of solids alone, in a scene with contacts.
+/// (fields,): `SolidField` where a field of velocities is of solids alone, in a scene with
+/// contacts, else 0.
 inline std::vector<std::int32_t> fields_of_solids(const Spec& spec) {
-    std::vector<std::int32_t> solid(std::size_t(spec.contact.fields), 1);
-    for (const BodySpec& body : spec.bodies) {
-        if (!material(body.material).volumetric) continue;
-        if (body.fields.empty()) solid[0] = 0;
-        for (const FieldOfIds& f : body.fields) solid[std::size_t(f.field)] = 0;
-    }
+    std::vector<std::int32_t> solid(std::size_t(spec.contact.fields), closes_gaps);
+    const auto mark = [&](const BodySpec& body, std::int32_t as) {
+        if (body.fields.empty()) solid[0] = as;
+        for (const FieldOfIds& f : body.fields) solid[std::size_t(f.field)] = as;
+    };
+    for (const BodySpec& body : spec.bodies)
+        if (body.rigid.given || !body.elements.empty()) mark(body, held_by_nodes);
+    for (const BodySpec& body : spec.bodies)
+        if (material(body.material).volumetric) mark(body, 0);
     return solid;
 }
 

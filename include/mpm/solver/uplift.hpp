@@ -57,6 +57,7 @@ private:
         found.uplift.pressures = pressures_.data();
         found.uplift.pressure_count = int(pressures_.size());
         found.uplift.solid_fields = solid_fields_.size() > 0 ? solid_fields_.data() : nullptr;
+        found.uplift.meets = meets_;
         for (int a = 0; a < D; ++a) found.uplift.cells[a] = cells_[a];
         return found;
     }
@@ -68,6 +69,7 @@ private:
     Buffer<X, UpliftRecord> records_{exec_};
     Buffer<X, GroupPressure> pressures_{exec_};
     Buffer<X, std::int32_t> solid_fields_{exec_};
+    double meets_ = 1;                      // as `UpliftView` has it
     Buffer<X, std::uint32_t> mask_{exec_};  // (listed blocks, nodes)
     Buffer<X, std::int32_t> feet_{exec_};   // by (listed block, node)
     Buffer<X, Sum> before_{exec_}, with_{exec_};
@@ -121,6 +123,8 @@ Uplift<X, T, Sum, D>::Uplift(X& exec, const Spec& spec, const Plan& plan) : exec
     for (int a = 0; a < D; ++a) cells_[a] = spec.cells[std::size_t(a)];
     if (spec.contact.any()) {
         solid_fields_.assign(fields_of_solids(spec));
+        for (const ContactLaw& law : spec.contact.laws)
+            if (law.kind == ContactKind::fluid) meets_ = std::min(meets_, law.fill);
     } else {
         std::vector<std::int32_t> record_of(spec.boundaries.size(), -1);
         for (std::size_t r = 0; r < records.size(); ++r)

@@ -13,6 +13,9 @@
 namespace mpm {
 namespace {
 
+/// Whatever a surface holds touches it.
+constexpr auto touches = [](int, int, double, const double (&)[3]) { return 0.0; };
+
 TimeTableView table_of(const std::vector<double>& time, const std::vector<double>& value,
                        TableEnd end) {
     return {time.data(), value.data(), std::int32_t(time.size()),
@@ -112,7 +115,7 @@ TEST(Surface, slip_takes_the_share_of_the_normal_part) {
     const double x[3] = {0.6 * 0.625, 1.0, 0.8 * 0.625};
     Vec<double, 3> v = {{1.0, 2.0, -3.0}};
     const double along = 0.6 - 2.4;
-    ASSERT_TRUE((respond_to_surface<double, 3>(plane.record, law, x, {}, {}, 1.0, v)));
+    ASSERT_TRUE((respond_to_surface<double, 3>(plane.record, law, x, {}, {}, 1.0, v, touches)));
     EXPECT_NEAR(v[0], 1.0 - 0.25 * along * 0.6, 1e-6);
     EXPECT_NEAR(v[1], 2.0, 1e-12);
     EXPECT_NEAR(v[2], -3.0 - 0.25 * along * 0.8, 1e-6);
@@ -140,7 +143,7 @@ TEST(Surface, turns_and_carries_its_face_along) {
     SurfaceLaw sticky;
     sticky.response = Response::sticky;
     Vec<double, 3> v = {{5.0, 5.0, 5.0}};
-    ASSERT_TRUE((respond_to_surface<double, 3>(plane.record, sticky, x, {}, {}, 1.0, v)));
+    ASSERT_TRUE((respond_to_surface<double, 3>(plane.record, sticky, x, {}, {}, 1.0, v, touches)));
     EXPECT_NEAR(v[1], wall[1], 1e-9);
 }
 

@@ -260,25 +260,8 @@ TEST(Uplift, StandsOnOneRowWhereRoundingDecides) {
 }
 
 TEST(Uplift, CountsThePartOfANodeAboveABed) {
-    for (double d = -1.6; d < 1.7; d += 0.1) {
-        double sum = 0;
-        constexpr int steps = 20000;
-        for (int k = 0; k < steps; ++k) {
-            const double s = (k + 0.5) * 3.5 / steps, far = std::abs(s - d);
-            sum += 3.5 / steps *
-                   (far < 0.5   ? 0.75 - far * far
-                    : far < 1.5 ? 0.5 * (1.5 - far) * (1.5 - far)
-                                : 0);
-        }
-        EXPECT_NEAR(part_above(d), sum, 1e-6) << d;
-    }
-    EXPECT_DOUBLE_EQ(part_above(0.5), above_bed);
-}
-
-TEST(Uplift, FindsTheHeightOfAPart) {
-    for (double d = -1.45; d < 1.46; d += 0.05)
-        EXPECT_NEAR(height_of_part(part_above(d)), d, 1e-6) << d;
-    EXPECT_NEAR(height_of_part(above_bed), 0.5, 1e-12);
+    EXPECT_DOUBLE_EQ(filled_at(0.5), above_bed);
+    EXPECT_NEAR(depth_of(above_bed), 0.5, 1e-12);
 }
 
 /// A base of one part of all nodes from 5 to 10 that is so many cells off the bed, and water beside
@@ -294,11 +277,11 @@ Floor<2> lifted_base(double off, double part = 1, double wet = 0) {
             const int in[2] = {x % f.edge, row};
             double* const s =
                 f.sums.data() + x / f.edge * f.channels * block_cells + Block<2>::cell(in);
-            const double mass = part * f.uplift.full * part_above(row + 0.5 - off);
+            const double mass = part * f.uplift.full * filled_at(row + 0.5 - off);
             s[0] += mass;
             s[f.solid_mass * block_cells] += mass;
             const double film =
-                row > 0 ? 0 : wet * part * f.water.full * (above_bed - part_above(0.5 - off));
+                row > 0 ? 0 : wet * part * f.water.full * (above_bed - filled_at(0.5 - off));
             s[0] += film;
             s[f.water_mass * block_cells] += film;
         }
@@ -316,7 +299,7 @@ TEST(Uplift, IsThatAtTheHeightOfABaseThatHasComeOff) {
     // What is left at the foot is pushed by twice its part at most: it has little mass.
     for (const double off : {0.8, 1.0, 1.2, 1.4}) {
         Floor<2> f = lifted_base(off);
-        const double own = part_above(0.5 - off) / above_bed;
+        const double own = filled_at(0.5 - off) / above_bed;
         EXPECT_LE(f.pressure(7), 2 * own * 3000) << off;
         EXPECT_GT(f.pressure(7), own * (3000 - density * 10 * cell * off)) << off;
     }
@@ -338,8 +321,8 @@ TEST(Uplift, IsThatAtTheHeightOfABaseOffASurfaceToo) {
             for (int x = 5; x < 9; ++x) f.solid(x, off);
             for (int x = 9; x < f.cells; ++x) f.fluid(x, 3000);
             const double at_base = 3000 - density * 10 * cell * off,
-                         own = part_above(f.above(7, f.row(7)) - off) /
-                               part_above(f.above(7, f.row(7)));
+                         own = filled_at(f.above(7, f.row(7)) - off) /
+                               filled_at(f.above(7, f.row(7)));
             EXPECT_NEAR(f.pressure(7)[1], std::min(1.0, 2 * own) * at_base, 0.01 * 3000)
                 << lowest << ' ' << off;
         }

@@ -110,7 +110,7 @@ struct Floor {
             node,
             lined ? KnownNodes<D>{lines.data(), nullptr, listed.data(), asks.data()}
                   : KnownNodes<D>{},
-            {&uplift, 1, &water, 1, fields > 1 ? of_solids : nullptr, {}},
+            {&uplift, 1, &water, 1, fields > 1 ? of_solids : nullptr, 0.7, {}},
             up,
             1};
         for (int a = 0; a < D; ++a) found.uplift.cells[a] = a == 0 ? cells : edge;
@@ -171,7 +171,7 @@ struct LeaningFloor : Floor<2> {
     /// A body that is so many cells off the bed.
     void solid(int x, double off = 0) {
         for (int y = 0; y < edge; ++y) {
-            const double mass = uplift.full * part_above(above(x, y) - off);
+            const double mass = uplift.full * filled_at(above(x, y) - off);
             node(x, y)[0] += mass;
             node(x, y)[solid_mass * block_cells] += mass;
         }
@@ -186,7 +186,7 @@ struct LeaningFloor : Floor<2> {
         double all = 0;
         for (int y = 0; y < edge; ++y) all += part(y);
         for (int y = 0; y < edge; ++y) {
-            const double mass = water.full * part_above(above(x, y));
+            const double mass = water.full * filled_at(above(x, y));
             if (!(mass > 0)) continue;
             double* const s = node(x, y);
             s[0] += mass;

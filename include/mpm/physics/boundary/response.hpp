@@ -78,6 +78,21 @@ MPM_INLINE Vec<T, D> respond(const SurfaceLaw& law, int axis, T sign, const Vec<
     return out;
 }
 
+/// The velocity of a wall that lets go, to what lies off it and closes a gap first: less that with
+/// which the gap closes in a step, `closing_speed()` m/s. Asked only where the wall would act.
+template <class T, int D, class Closing>
+MPM_INLINE Vec<T, D> wall_behind_gap(const SurfaceLaw& law, const Vec<T, D>& normal,
+                                     const Vec<T, D>& velocity, Vec<T, D> wall,
+                                     const Closing& closing_speed) {
+    if (law.response != Response::separable) return wall;
+    T along = 0;
+    MPM_UNROLL for (int a = 0; a < D; ++a) along += (velocity[a] - wall[a]) * normal[a];
+    if (!(along < T(0))) return wall;
+    const T speed = closing_speed();
+    MPM_UNROLL for (int a = 0; a < D; ++a) wall[a] -= speed * normal[a];
+    return wall;
+}
+
 /// The same for a unit normal of any direction.
 template <class T, int D>
 MPM_INLINE Vec<T, D> respond_along(const SurfaceLaw& law, const Vec<T, D>& normal,
