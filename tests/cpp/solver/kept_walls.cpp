@@ -121,6 +121,12 @@ Spec scene(bool contacts) {
         s.bodies.back().fields = {{0, b}};
     }
     s.contact.fields = 1 + contacts;
+    if (contacts) {
+        s.contact.kind = {0, 1};
+        s.contact.density = {1000, 1000};
+        s.contact.laws = {ContactLaw{}};
+        s.contact.law_of = {-1, 0, 0, -1};
+    }
     test::add_walls(s, Response::slip);
     for (SurfaceLaw& law : s.boundaries[0].law) law.linear = law.cautious = true;
     s.boundaries[0].law[0].response = Response::separable;
