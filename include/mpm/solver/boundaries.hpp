@@ -356,13 +356,19 @@ void Boundaries<X, D>::set_fields(const Spec& spec) {
     }
     // Nodes that a gap keeps from what lets go are asked in the pass over nodes beside boundaries,
     // as load cells and contact ask them.
-    bool lets_go = false;
+    bool lets_go = false, at_the_end = false;
     for (const BoundarySpec& s : spec.boundaries)
-        for (const SurfaceLaw& law : s.law)
-            lets_go = lets_go || law.response == Response::separable;
-    const bool closes = std::count(fields.begin(), fields.end(), +closes_gaps) > 0;
-    lists_ = lists_ || (closes && lets_go && !mirrored_walls_);
-    if (!lists_) std::replace(fields.begin(), fields.end(), +closes_gaps, +held_by_nodes);
+        for (const SurfaceLaw& law : s.law) {
+            const bool separable = law.response == Response::separable;
+            lets_go = lets_go || separable;
+            at_the_end = at_the_end || (separable && !s.is_box && s.surface.keys.empty());
+        }
+    // Round bodies come a little nearer than they may: through a wall of the domain they would
+    // leave it.
+    const bool asked = lets_go && !at_the_end && !mirrored_walls_ &&
+                       std::count(fields.begin(), fields.end(), +closes_gaps) > 0;
+    lists_ = lists_ || asked;
+    if (!asked) std::replace(fields.begin(), fields.end(), +closes_gaps, +held_by_nodes);
     solid_fields_.assign(fields);
 }
 
