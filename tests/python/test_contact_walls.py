@@ -16,7 +16,6 @@ from libmpm import boundaries, contacts, materials, sensors, shapes
 from support import contact_scenes as cases
 from support.contact_scenes import Runner
 from support.devices import device  # noqa: F401
-from support.uplift_scenes import GRAVITY as G
 from support.uplift_scenes import HALF, HIGH, afloat, loads, tank
 
 GRAVITY, WATER = 9.81, 1000.0
@@ -305,7 +304,7 @@ def test_a_bed_does_not_touch_what_floats_above_it(
     sim = libmpm.Simulation(scene, device=device, threads=1)
     rest = sim.particles["debris-1"]["position"][:, -1].mean()
     sim.run(until=0.2, progress=False)
-    weight = 648 * G * HIGH * (2 * HALF) ** (dimension - 1)
+    weight = 648 * GRAVITY * HIGH * (2 * HALF) ** (dimension - 1)
     along, _ = loads(sim, "bed-friction", 0.02)
     assert abs(along) < 0.03 * 0.7 * weight
     end = sim.particles["debris-1"]

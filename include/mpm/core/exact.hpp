@@ -78,7 +78,7 @@ MPM_INLINE Integer from_limbs(const F& sum) {
 }
 
 /// Of numbers the largest has the largest key. None is 0, which is left for where there is no
-/// number; not-a-number is larger than all.
+/// number; NaN is larger than all.
 MPM_INLINE std::uint64_t order_key(double x) {
     constexpr std::uint64_t sign = std::uint64_t(1) << 63;
     if (x != x) return ~std::uint64_t(0);

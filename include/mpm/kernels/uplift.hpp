@@ -120,7 +120,7 @@ struct UpliftView {
     int count;
     const GroupPressure* pressures;  // of fluids
     int pressure_count;
-    // (fields,): 1 where a field of velocities is of solids alone; null without contacts.
+    // (fields,): as `BoundaryView` has them; null without contacts.
     const std::int32_t* solid_fields;
     double meets;           // part of a node that solids and fluids fill where contact begins
     std::int64_t cells[D];  // of the domain

@@ -347,13 +347,6 @@ template <class X, int D>
 void Boundaries<X, D>::set_fields(const Spec& spec) {
     if (!spec.contact.any()) return;
     auto fields = fields_of_solids(spec);
-    // What no law keeps apart from others moves, and touches, as a run with one field has it.
-    const std::size_t kinds = spec.contact.density.size();
-    for (std::size_t f = 0; f < fields.size(); ++f) {
-        const auto* laws = spec.contact.law_of.data() + std::size_t(spec.contact.kind[f]) * kinds;
-        const bool apart = std::any_of(laws, laws + kinds, [](int law) { return law >= 0; });
-        if (fields[f] == closes_gaps && !apart) fields[f] = held_by_nodes;
-    }
     // Nodes that a gap keeps from what lets go are asked in the pass over nodes beside boundaries,
     // as load cells and contact ask them.
     bool lets_go = false, at_the_end = false;

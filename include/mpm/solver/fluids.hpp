@@ -45,6 +45,13 @@ inline std::vector<std::int32_t> fields_of_solids(const Spec& spec) {
         if (body.fields.empty()) solid[0] = as;
         for (const FieldOfIds& f : body.fields) solid[std::size_t(f.field)] = as;
     };
+    // What no law keeps apart from others moves, and touches, as a run with one field has it.
+    const std::size_t kinds = spec.contact.density.size();
+    for (std::size_t f = 0; f < solid.size(); ++f) {
+        const auto* laws = spec.contact.law_of.data() + std::size_t(spec.contact.kind[f]) * kinds;
+        if (std::all_of(laws, laws + kinds, [](int law) { return law < 0; }))
+            solid[f] = held_by_nodes;
+    }
     for (const BodySpec& body : spec.bodies)
         if (body.rigid.given || !body.elements.empty()) mark(body, held_by_nodes);
     for (const BodySpec& body : spec.bodies)
